@@ -1,0 +1,1 @@
+#include "fmi2Functions.h"

@@ -1,0 +1,107 @@
+//! The one trait that a model implements to become an FMU. A model knows no C and no call order:
+//! the shell checks every call first, and calls a model only with finite values and valid indices.
+
+use super::registry::Group;
+use serde::{Serialize, de::DeserializeOwned};
+use std::path::Path;
+
+/// A model behind the FMI shell.
+///
+/// `Clone` and a serde `State` are all that get/set and serialisation of FMU states need. A method that
+/// fails leaves the model as it was.
+pub trait Model: Clone + Send + 'static {
+    /// `modelIdentifier`: a C identifier, and the file name of the shared library.
+    const IDENTIFIER: &'static str;
+    /// One sentence for the model description.
+    const DESCRIPTION: &'static str;
+
+    /// Everything that inputs, parameters and steps change; not what `load` read.
+    type State: Clone + Serialize + DeserializeOwned;
+
+    /// Reads the model from the FMU's unpacked `resources/` folder, in its start state.
+    fn load(resources: &Path) -> Result<Self, ModelError>;
+
+    /// All variables, in order; the same list for the whole life of the model.
+    fn variables(&self) -> Vec<Group<Self>>;
+
+    /// The present state.
+    fn state(&self) -> &Self::State;
+
+    /// Takes over a state of this model, perhaps from another process: lengths and values are checked
+    /// before anything changes.
+    fn set_state(&mut self, state: &Self::State) -> Result<(), ModelError>;
+
+    /// Brings everything that can be read in line with the inputs and parameters set so far.
+    /// Called before reads after a set, and when initialisation ends ([`Phase::Initialization`]: find
+    /// the initial state; [`Phase::Step`]: only what follows inputs at once).
+    fn refresh(&mut self, phase: Phase, log: &mut dyn Log) -> Result<(), ModelError>;
+
+    /// Advances by one communication step with the inputs held; allocates nothing.
+    fn step(&mut self, step: Step, log: &mut dyn Log) -> Result<(), ModelError>;
+
+    /// `DefaultExperiment`: stop time and step size, s.
+    fn default_experiment(&self) -> (f64, f64) {
+        (120.0, 0.01)
+    }
+}
+
+/// Where in its life a model is asked to bring its outputs in line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// Up to the end of initialisation mode.
+    Initialization,
+    /// Between two communication steps.
+    Step,
+}
+
+/// One communication step. Time is counted in nanoseconds, so that it neither drifts nor rounds an
+/// event away.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Step {
+    /// Communication point at which the step begins, ns.
+    pub start_ns: i64,
+    /// Length of the step, ns; positive.
+    pub duration_ns: i64,
+}
+
+impl Step {
+    /// Length of the step, s.
+    pub fn duration_s(self) -> f64 {
+        self.duration_ns as f64 * 1e-9
+    }
+
+    /// Beginning of the step, s.
+    pub fn start_s(self) -> f64 {
+        self.start_ns as f64 * 1e-9
+    }
+}
+
+/// Where a model reports what a user should know; the shell hands it to the importer's logger.
+pub trait Log {
+    /// One line, without a line break. `level` becomes the FMI status and category of the message.
+    fn log(&mut self, level: LogLevel, message: std::fmt::Arguments<'_>);
+}
+
+/// How much a log line matters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LogLevel {
+    /// Category `logEvents`.
+    Event,
+    /// Category `logStatusWarning`.
+    Warning,
+}
+
+/// Why a model refused: what, where, found, expected.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{message}")]
+pub struct ModelError {
+    /// One line for the importer's log.
+    pub message: String,
+}
+
+impl ModelError {
+    /// An error with this message.
+    pub fn new(message: impl Into<String>) -> Self {
+        Self { message: message.into() }
+    }
+}

@@ -1,0 +1,108 @@
+//! What a model shows: groups of variables of one quantity. The model description, fmi2Get/Set and
+//! the GUID all read the same list. A group is `name` when scalar and `name[1]` .. `name[count]` when
+//! not; the value reference of a variable is its 1-based position over all groups.
+
+/// One quantity: a scalar, or one variable per agent, bus, ...
+pub struct Group<M> {
+    /// The quantity, a C identifier: `omega_set`.
+    pub name: &'static str,
+    /// What it is, for a person.
+    pub description: &'static str,
+    /// Its unit, or none for a pure number that is not per unit.
+    pub unit: Option<Unit>,
+    /// Number of variables, or `None` for a scalar.
+    pub count: Option<usize>,
+    /// Who sets it.
+    pub causality: Causality,
+    /// When it may change.
+    pub variability: Variability,
+    /// How it is read and set; the type of the variable.
+    pub access: Access<M>,
+    /// What is accepted; values outside are refused by name.
+    pub range: Range,
+    /// For outputs: the inputs that they follow within a step.
+    pub dependencies: Dependencies<M>,
+}
+
+/// Read and set functions; the index counts from 0 within the group (0 for a scalar).
+pub enum Access<M> {
+    /// fmi2Real.
+    Real(fn(&M, usize) -> f64, Option<fn(&mut M, usize, f64)>),
+    /// fmi2Integer.
+    Integer(fn(&M, usize) -> i32, Option<fn(&mut M, usize, i32)>),
+    /// fmi2Boolean.
+    Boolean(fn(&M, usize) -> bool, Option<fn(&mut M, usize, bool)>),
+}
+
+/// FMI causality, as far as it is used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Causality {
+    /// Set by the master at every communication point.
+    Input,
+    /// Read by the master.
+    Output,
+    /// Set before, or with variability tunable also during, the simulation.
+    Parameter,
+}
+
+/// FMI variability, as far as it is used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Variability {
+    /// Set until initialisation ends.
+    Fixed,
+    /// A parameter that may be set between steps.
+    Tunable,
+    /// Changes at communication points only.
+    Discrete,
+    /// Real only.
+    Continuous,
+}
+
+/// Accepted values: finite always; for Reals and Integers within these bounds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Lower bound.
+    pub min: f64,
+    /// Whether `min` itself is refused.
+    pub min_excluded: bool,
+    /// Upper bound, accepted.
+    pub max: f64,
+}
+
+impl Range {
+    /// Any finite value.
+    pub const ANY: Range = Range { min: f64::NEG_INFINITY, min_excluded: false, max: f64::INFINITY };
+    /// Greater than zero.
+    pub const POSITIVE: Range = Range { min: 0.0, min_excluded: true, max: f64::INFINITY };
+    /// Zero or greater.
+    pub const NOT_NEGATIVE: Range = Range { min: 0.0, min_excluded: false, max: f64::INFINITY };
+}
+
+/// Units of the interface; each is written with its SI base units into the model description.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// Per unit of the system base: dimensionless.
+    PerUnit,
+    /// Per unit times hour: an energy on a power base.
+    PerUnitHour,
+    /// Per unit per second.
+    PerUnitPerSecond,
+    /// Second.
+    Second,
+    /// Radian.
+    Radian,
+    /// Radian per second.
+    RadianPerSecond,
+}
+
+/// The inputs that an output follows within a step (`ModelStructure/Outputs/dependencies`).
+pub enum Dependencies<M> {
+    /// None: the output is sampled, or a state.
+    None,
+    /// The variables of the same index in these groups; whole scalars.
+    SameIndex(&'static [&'static str]),
+    /// All variables of these groups.
+    All(&'static [&'static str]),
+    /// What this function names for the variable of that index: (group, 0-based index).
+    Of(fn(&M, usize) -> Vec<(&'static str, usize)>),
+}

@@ -1,0 +1,2 @@
+//! The `bess` command.
+fn main() {}
