@@ -21,3 +21,15 @@ pub mod fmi;
 #[cfg(feature = "grid")]
 pub mod grid;
 
+#[cfg(feature = "host")]
+pub mod cli;
+#[cfg(feature = "host")]
+pub mod harness;
+#[cfg(any(feature = "controller", feature = "grid"))]
+pub mod models;
+#[cfg(feature = "host")]
+pub mod package;
+#[cfg(feature = "host")]
+pub mod report;
+#[cfg(feature = "host")]
+pub mod scenario;

@@ -1,2 +1,6 @@
-//! The `bess` command.
-fn main() {}
+//! The `bess` command; everything is in [`bess_consensus::cli`].
+#![forbid(unsafe_code)]
+
+fn main() -> std::process::ExitCode {
+    bess_consensus::cli::main()
+}

@@ -1,0 +1,282 @@
+//! The variables of `BessConsensus.fmu`: the contract of DESIGN, section 3. Names are public; so is the order,
+//! because value references count it.
+
+use super::Controller;
+use crate::control::config::{Discretisation, VoltagePolicy};
+use crate::fmi::{Access, Causality, Dependencies, Group, Range, Unit};
+use crate::models::variables::{GroupExt, group, input, output, parameter, switch};
+
+/// What every input u follows at once: the measurements of the agent and of whoever may become its
+/// neighbour, the virtual leader, and the switches.
+const MEASUREMENTS: &[&str] =
+    &["P", "Q", "V", "omega", "E", "omega_ref", "V_ref", "P_ref", "enable", "dispatch", "available", "topology"];
+
+/// All variables for `n` agents and `topologies` communication graphs.
+pub fn variables(n: usize, topologies: usize) -> Vec<Group<Controller>> {
+    let mut all = inputs(n, topologies);
+    all.extend(setpoints(n));
+    all.extend(consensus_inputs(n));
+    all.extend(diagnostics(n));
+    all.extend(tunable_parameters());
+    all.extend(fixed_parameters(n));
+    all
+}
+
+fn inputs(n: usize, topologies: usize) -> Vec<Group<Controller>> {
+    vec![
+        input("P", "Measured active power", |m, i| m.inputs().P[i], |m, i, v| m.inputs_mut().P[i] = v)
+            .each(n)
+            .unit(Unit::PerUnit),
+        input("Q", "Measured reactive power, inductive positive", |m, i| m.inputs().Q[i], |m, i, v| {
+            m.inputs_mut().Q[i] = v;
+        })
+        .each(n)
+        .unit(Unit::PerUnit),
+        input("V", "Measured voltage", |m, i| m.inputs().V[i], |m, i, v| m.inputs_mut().V[i] = v)
+            .each(n)
+            .unit(Unit::PerUnit),
+        input("omega", "Measured frequency", |m, i| m.inputs().omega[i], |m, i, v| m.inputs_mut().omega[i] = v)
+            .each(n)
+            .unit(Unit::PerUnit),
+        input("E", "Stored energy", |m, i| m.inputs().E[i], |m, i, v| m.inputs_mut().E[i] = v)
+            .each(n)
+            .unit(Unit::PerUnitHour),
+        input("omega_ref", "Frequency of the virtual leader", |m, _| m.inputs().omega_ref, |m, _, v| {
+            m.inputs_mut().omega_ref = v;
+        })
+        .unit(Unit::PerUnit),
+        input("V_ref", "Voltage of the virtual leader", |m, _| m.inputs().V_ref, |m, _, v| {
+            m.inputs_mut().V_ref = v;
+        })
+        .unit(Unit::PerUnit),
+        input("P_ref", "Dispatched scaled power K_P P of the virtual leader", |m, _| m.inputs().P_ref, |m, _, v| {
+            m.inputs_mut().P_ref = v;
+        })
+        .unit(Unit::PerUnit),
+        switch("enable", "Controller on; off, it holds its setpoints", |m, _| m.inputs().enable, |m, _, v| {
+            m.inputs_mut().enable = v;
+        }),
+        switch("dispatch", "The pinned agents follow P_ref", |m, _| m.inputs().dispatch, |m, _, v| {
+            m.inputs_mut().dispatch = v;
+        }),
+        switch(
+            "available",
+            "The agent takes part; if not, it is cut from the graph",
+            |m, i| m.inputs().available[i],
+            |m, i, v| m.inputs_mut().available[i] = v,
+        )
+        .each(n),
+        group(
+            "topology",
+            "Number of the communication graph, from 1",
+            Causality::Input,
+            Access::Integer(|m: &Controller, _| m.inputs().topology, Some(|m, _, v| m.inputs_mut().topology = v)),
+        )
+        .range(Range { min: 1.0, min_excluded: false, max: topologies as f64 }),
+    ]
+}
+
+/// Sampled outputs: they change in a step only.
+fn setpoints(n: usize) -> Vec<Group<Controller>> {
+    vec![
+        output("omega_set", "Frequency setpoint of the droop", |m, i| m.outputs().omega_set[i]),
+        output("V_set", "Voltage setpoint of the droop", |m, i| m.outputs().V_set[i]),
+        output("P_set", "Active power reference: the energy exchange", |m, i| m.outputs().P_set[i]),
+        output("Q_set", "Reactive power reference", |m, i| m.outputs().Q_set[i]),
+    ]
+    .into_iter()
+    .map(|g| g.each(n).unit(Unit::PerUnit))
+    .collect()
+}
+
+fn consensus_inputs(n: usize) -> Vec<Group<Controller>> {
+    vec![
+        output("u_omega", "Consensus input of the frequency, equation (12)", |m, i| m.outputs().u_omega[i]),
+        output("u_P", "Consensus input of the active power, equation (9)", |m, i| m.outputs().u_P[i]),
+        output("u_E", "Consensus input of the state of charge, equation (11), per s", |m, i| m.outputs().u_E[i]),
+        output("u_V", "Consensus input of the voltage, equation (13)", |m, i| m.outputs().u_V[i]),
+        output("u_Q", "Consensus input of the reactive power, equation (10)", |m, i| m.outputs().u_Q[i]),
+    ]
+    .into_iter()
+    .map(|g| g.each(n).unit(Unit::PerUnitPerSecond).follows(Dependencies::All(MEASUREMENTS)))
+    .collect()
+}
+
+fn diagnostics(n: usize) -> Vec<Group<Controller>> {
+    let errors = [
+        output("spread_P", "Largest difference of K_P (P - P_set)", |m: &Controller, _| m.outputs().spread_P)
+            .follows(Dependencies::All(&["P", "available"])),
+        output("spread_Q", "Largest difference of K_Q (Q - Q_set)", |m, _| m.outputs().spread_Q)
+            .follows(Dependencies::All(&["Q", "available"])),
+        output("spread_E", "Largest difference of the state of charge E / C", |m, _| m.outputs().spread_E)
+            .follows(Dependencies::All(&["E", "available"])),
+        output("error_omega", "Largest distance of a frequency from omega_ref", |m, _| m.outputs().error_omega)
+            .follows(Dependencies::All(&["omega", "omega_ref", "available"])),
+        output("error_V", "Largest distance of a voltage from V_ref", |m, _| m.outputs().error_V)
+            .follows(Dependencies::All(&["V", "V_ref", "available"])),
+    ];
+    let mut all: Vec<_> = errors.into_iter().map(|g| g.unit(Unit::PerUnit)).collect();
+    all.push(
+        output("lambda_2", "Second smallest eigenvalue of the certificate's Laplacian", |m, _| {
+            m.outputs().lambda_2
+        })
+        .follows(Dependencies::All(&["available", "topology"])),
+    );
+    all.push(
+        output("T_P", "Certified time until power sharing from the present errors, equation (27)", |m, _| {
+            m.outputs().T_P
+        })
+        .unit(Unit::Second)
+        .follows(Dependencies::All(&["P", "available", "topology"])),
+    );
+    all.push(
+        output("T_omega", "Certified time until frequency restoration from the present errors, equation (33)", |m, _| {
+            m.outputs().T_omega
+        })
+        .unit(Unit::Second)
+        .follows(Dependencies::All(&["omega", "omega_ref", "available", "topology"])),
+    );
+    all.push(
+        group(
+            "cluster",
+            "Number of the agent's cluster, from 1",
+            Causality::Output,
+            Access::Integer(|m: &Controller, i| m.outputs().cluster[i], None),
+        )
+        .each(n)
+        .follows(Dependencies::All(&["available", "topology"])),
+    );
+    all.push(
+        group(
+            "saturated",
+            "A limit of the agent is active",
+            Causality::Output,
+            Access::Boolean(|m: &Controller, i| m.outputs().saturated[i], None),
+        )
+        .each(n),
+    );
+    all
+}
+
+fn tunable_parameters() -> Vec<Group<Controller>> {
+    let gain = Range::NOT_NEGATIVE;
+    vec![
+        parameter("eta", "Exponent of the sign power; 1 is the asymptotic law", |m: &Controller, _| {
+            m.parameters().eta
+        }, |m, _, v| m.parameters_mut().eta = v)
+        .range(Range { min: 0.0, min_excluded: true, max: 1.0 }),
+        parameter("gain_omega", "Gain of u_omega", |m, _| m.parameters().gains.omega, |m, _, v| {
+            m.parameters_mut().gains.omega = v;
+        })
+        .range(gain),
+        parameter("gain_P", "Gain of u_P", |m, _| m.parameters().gains.P, |m, _, v| {
+            m.parameters_mut().gains.P = v;
+        })
+        .range(gain),
+        parameter("gain_E", "Gain of the energy exchange", |m, _| m.parameters().gains.E, |m, _, v| {
+            m.parameters_mut().gains.E = v;
+        })
+        .range(gain),
+        parameter("gain_V", "Gain of u_V", |m, _| m.parameters().gains.V, |m, _, v| {
+            m.parameters_mut().gains.V = v;
+        })
+        .range(gain),
+        parameter("gain_Q", "Gain of u_Q", |m, _| m.parameters().gains.Q, |m, _, v| {
+            m.parameters_mut().gains.Q = v;
+        })
+        .range(gain),
+        parameter("delay", "Communication delay of every edge without one of its own", |m, _| {
+            m.parameters().delay_s
+        }, |m, _, v| m.parameters_mut().delay_s = v)
+        .unit(Unit::Second)
+        .range(gain),
+        parameter("theta_min", "Least width of the boundary layer", |m, _| m.parameters().theta_min_s, |m, _, v| {
+            m.parameters_mut().theta_min_s = v;
+        })
+        .unit(Unit::Second)
+        .range(gain),
+        parameter("theta_E", "Boundary layer of the energy exchange", |m, _| m.parameters().theta_E_s, |m, _, v| {
+            m.parameters_mut().theta_E_s = v;
+        })
+        .unit(Unit::Second)
+        .range(gain),
+    ]
+    .into_iter()
+    .map(GroupExt::tunable)
+    .collect()
+}
+
+fn fixed_parameters(n: usize) -> Vec<Group<Controller>> {
+    let choice = Range { min: 0.0, min_excluded: false, max: 1.0 };
+    vec![
+        group(
+            "voltage_policy",
+            "0: equation (13) as printed; 1: equal K_Q Q and the average voltage at V_ref",
+            Causality::Parameter,
+            Access::Integer(
+                |m: &Controller, _| m.parameters().voltage_policy.number(),
+                Some(|m, _, v| {
+                    m.parameters_mut().voltage_policy = VoltagePolicy::from_number(v).unwrap_or_default();
+                }),
+            ),
+        )
+        .range(choice),
+        group(
+            "discretisation",
+            "0: capped; 1: explicit",
+            Causality::Parameter,
+            Access::Integer(
+                |m: &Controller, _| m.parameters().discretisation.number(),
+                Some(|m, _, v| {
+                    m.parameters_mut().discretisation = Discretisation::from_number(v).unwrap_or_default();
+                }),
+            ),
+        )
+        .range(choice),
+        parameter("K_P", "Active power droop", |m, i| m.parameters().K_P[i], |m, i, v| {
+            m.parameters_mut().K_P[i] = v;
+        })
+        .each(n)
+        .unit(Unit::PerUnit)
+        .range(Range::POSITIVE),
+        parameter("K_Q", "Reactive power droop", |m, i| m.parameters().K_Q[i], |m, i, v| {
+            m.parameters_mut().K_Q[i] = v;
+        })
+        .each(n)
+        .unit(Unit::PerUnit)
+        .range(Range::POSITIVE),
+        parameter("capacity", "Energy capacity C", |m, i| m.parameters().capacity[i], |m, i, v| {
+            m.parameters_mut().capacity[i] = v;
+        })
+        .each(n)
+        .unit(Unit::PerUnitHour)
+        .range(Range::POSITIVE),
+        parameter(
+            "P_exchange_max",
+            "Most power that the energy exchange asks of the battery",
+            |m, i| m.parameters().P_exchange_max[i],
+            |m, i, v| m.parameters_mut().P_exchange_max[i] = v,
+        )
+        .each(n)
+        .unit(Unit::PerUnit)
+        .range(Range::NOT_NEGATIVE),
+        parameter(
+            "omega_set_start",
+            "Frequency setpoint at the start",
+            |m, i| m.parameters().omega_set_start[i],
+            |m, i, v| m.parameters_mut().omega_set_start[i] = v,
+        )
+        .each(n)
+        .unit(Unit::PerUnit)
+        .range(Range::POSITIVE),
+        parameter(
+            "V_set_start",
+            "Voltage setpoint at the start",
+            |m, i| m.parameters().V_set_start[i],
+            |m, i, v| m.parameters_mut().V_set_start[i] = v,
+        )
+        .each(n)
+        .unit(Unit::PerUnit)
+        .range(Range::POSITIVE),
+    ]
+}
