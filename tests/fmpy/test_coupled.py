@@ -126,4 +126,4 @@ def test_the_example_runs_as_printed(root):
     assert len(rows) >= 4
     last = rows[-1]
     assert abs(float(last[0]) - 14.0) < 1e-9
-    assert abs(float(last[1])) < 1e-6, "frequency is restored"
+    assert abs(float(last[1])) < 1e-5, "frequency is restored (droop alone: 7e-3)"
