@@ -1,1 +1,128 @@
-fn main() {}
+//! `cargo xtask`: builds and packs the FMUs, runs a scenario, runs every test, measures. It only starts
+//! other programs and judges them by their exit code; it never links the library it builds.
+
+mod bench;
+mod bindings;
+mod debian;
+mod error;
+mod fmu;
+mod generate;
+mod process;
+mod python;
+mod scenario;
+mod stages;
+mod table;
+mod workspace;
+
+use clap::{Parser, Subcommand};
+use error::Failure;
+use std::{path::PathBuf, process::ExitCode};
+use workspace::Workspace;
+
+/// Builds, runs, tests and measures bess-consensus.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask", version, after_help = EXAMPLES)]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+}
+
+const EXAMPLES: &str = "Examples:
+  cargo xtask run case1                     build both FMUs, couple them, write results/case1/
+  cargo xtask run my.json -- --help         what else `bess run` takes
+  cargo xtask fmu                           only build and pack fmu/BessConsensus.fmu and fmu/BessGrid.fmu
+  cargo xtask test                          everything
+  cargo xtask test --only fmt,clippy        two stages of it
+  cargo xtask test --only fmpy -- -k reset  one stage, with arguments for pytest
+  cargo xtask bench                         speed against the bars, target/bench/summary.json";
+
+#[derive(Subcommand)]
+enum Task {
+    /// Build both shared libraries and `bess`, pack fmu/BessConsensus.fmu and fmu/BessGrid.fmu.
+    Fmu,
+    /// Build, pack, and couple controller and grid in a scenario; the results go to results/SCENARIO/.
+    Run {
+        /// Built-in name (case1 to case4) or path of a scenario file.
+        #[arg(default_value = "case1")]
+        scenario: PathBuf,
+        /// Passed on to `bess run`.
+        #[arg(last = true)]
+        extra: Vec<String>,
+    },
+    /// Run every check; ends with a table and non-zero if any failed.
+    ///
+    /// A stage whose tool is missing is skipped and says so; with CI=true it fails. As root, missing
+    /// Debian packages are installed.
+    Test {
+        /// Only these stages, and those they need.
+        #[arg(long, value_enum, value_delimiter = ',', value_name = "STAGE")]
+        only: Vec<stages::Stage>,
+        /// Passed on to pytest.
+        #[arg(last = true)]
+        pytest: Vec<String>,
+    },
+    /// Measure speed against the bars; a missed bar is shown and is no error.
+    Bench {
+        /// How many times each figure is measured; the median counts.
+        #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=1000))]
+        runs: u32,
+    },
+    /// Write the generated files that are checked in: src/fmi/bindings.rs, modelDescription/*.xml.
+    Generate {
+        /// Only these.
+        #[arg(value_enum, value_name = "WHAT")]
+        what: Vec<generate::Generated>,
+    },
+}
+
+fn main() -> ExitCode {
+    match dispatch(Arguments::parse().task) {
+        Ok(code) => code,
+        Err(failure) => {
+            eprintln!("xtask: {failure}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn dispatch(task: Task) -> Result<ExitCode, Failure> {
+    let workspace = Workspace::find()?;
+    match task {
+        Task::Fmu => fmu::build_and_pack(&workspace)?,
+        Task::Run { scenario, extra } => {
+            fmu::build_and_pack(&workspace)?;
+            scenario::run(&workspace, &scenario, &extra)?;
+        }
+        Task::Test { only, pytest } => return stages::run(&workspace, &only, pytest),
+        Task::Bench { runs } => bench::run(&workspace, runs)?,
+        Task::Generate { what } => generate::run(&workspace, &what)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn run_defaults_to_case1_and_passes_the_rest_on() {
+        let parsed = Arguments::try_parse_from(["xtask", "run", "--", "--step", "0.1"]).expect("parses");
+        let Task::Run { scenario, extra } = parsed.task else { panic!("not run") };
+        assert_eq!(scenario, PathBuf::from("case1"));
+        assert_eq!(extra, ["--step", "0.1"]);
+    }
+
+    #[test]
+    fn stages_are_listed_with_commas() {
+        let parsed = Arguments::try_parse_from(["xtask", "test", "--only", "fmt,fmpy"]).expect("parses");
+        let Task::Test { only, .. } = parsed.task else { panic!("not test") };
+        assert_eq!(only, [stages::Stage::Fmt, stages::Stage::Fmpy]);
+        assert!(Arguments::try_parse_from(["xtask", "test", "--only", "nonsense"]).is_err());
+    }
+}

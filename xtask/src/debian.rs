@@ -1,0 +1,143 @@
+//! Tools that a stage needs beyond Rust and gcc: whether they are here, and the Debian packages that
+//! bring them. Installs only as root.
+
+use crate::{
+    error::Failure,
+    process::{command, on_path, output, run, succeeds},
+    workspace::Workspace,
+};
+use std::{
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+/// A tool that may be missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Need {
+    /// cargo's component rustfmt.
+    Rustfmt,
+    /// cargo's component clippy.
+    Clippy,
+    /// libclang with its headers, for bindgen.
+    Libclang,
+    /// Python 3.11 or later that can make virtual environments.
+    Python,
+    /// A browser without a window.
+    Chromium,
+}
+
+impl Need {
+    /// Whether the tool is on this machine.
+    pub fn met(self) -> bool {
+        match self {
+            Need::Rustfmt => succeeds(Command::new("cargo").args(["fmt", "--version"])),
+            Need::Clippy => succeeds(Command::new("cargo").args(["clippy", "--version"])),
+            Need::Libclang => std::env::var_os("LIBCLANG_PATH").is_some() || find_libclang(Path::new("/usr")),
+            Need::Python => succeeds(Command::new("python3").args(["-c", PYTHON_IS_FIT])),
+            Need::Chromium => on_path("chromium").is_some(),
+        }
+    }
+
+    /// The Debian packages that bring it; none where Debian is not the way.
+    pub fn packages(self) -> &'static [&'static str] {
+        match self {
+            Need::Rustfmt | Need::Clippy => &[],
+            Need::Libclang => &["libclang-dev"],
+            Need::Python => &["python3", "python3-venv"],
+            Need::Chromium => &["chromium"],
+        }
+    }
+
+    /// What is missing and the one line that brings it.
+    pub fn advice(self) -> String {
+        match self {
+            Need::Rustfmt => "rustfmt is missing: rustup component add rustfmt".into(),
+            Need::Clippy => "clippy is missing: rustup component add clippy".into(),
+            Need::Libclang => format!("libclang is missing: {}", install_line(self.packages())),
+            Need::Python => {
+                format!("no python3 of 3.11 or later with venv: {}", install_line(self.packages()))
+            }
+            Need::Chromium => format!("chromium is missing: {}", install_line(self.packages())),
+        }
+    }
+}
+
+/// numpy's pinned version asks for Python 3.11; Debian leaves ensurepip out of its plain python3.
+const PYTHON_IS_FIT: &str = "import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))";
+
+/// Installs what is missing if this is root on Debian; otherwise prints the one line to type.
+///
+/// A failed installation is no error here: whoever needs the tool asks [`Need::met`] again.
+pub fn provide(workspace: &Workspace, needs: &[Need]) {
+    let mut packages: Vec<&str> =
+        needs.iter().filter(|need| !need.met()).flat_map(|need| need.packages()).copied().collect();
+    packages.sort_unstable();
+    packages.dedup();
+    if packages.is_empty() {
+        return;
+    }
+    if on_path("apt-get").is_none() || !is_root(workspace) {
+        eprintln!("Missing; to have every stage run: {}", install_line(&packages));
+        return;
+    }
+    if let Err(failure) = install(workspace, &packages) {
+        eprintln!("xtask: {failure}");
+    }
+}
+
+fn install(workspace: &Workspace, packages: &[&str]) -> Result<(), Failure> {
+    let apt = || {
+        let mut apt = command(workspace, "apt-get");
+        apt.env("DEBIAN_FRONTEND", "noninteractive").arg("--quiet=2");
+        apt
+    };
+    run(apt().arg("update"))?;
+    run(apt().args(["install", "--yes", "--no-install-recommends"]).args(packages))
+}
+
+fn install_line(packages: &[&str]) -> String {
+    format!("sudo apt-get install {}", packages.join(" "))
+}
+
+fn is_root(workspace: &Workspace) -> bool {
+    output(command(workspace, "id").arg("-u")).is_ok_and(|id| id.trim() == "0")
+}
+
+/// Whether `libclang.so`, which only the development package has, lies where distributions put it.
+fn find_libclang(prefix: &Path) -> bool {
+    let mut folders: Vec<PathBuf> =
+        ["lib", "lib64", "local/lib", "lib/x86_64-linux-gnu", "lib/aarch64-linux-gnu"]
+            .iter()
+            .map(|folder| prefix.join(folder))
+            .collect();
+    if let Ok(entries) = std::fs::read_dir(prefix.join("lib")) {
+        let llvm = entries.flatten().map(|entry| entry.path());
+        folders.extend(
+            llvm.filter(|path| path.to_string_lossy().contains("llvm-")).map(|path| path.join("lib")),
+        );
+    }
+    folders.iter().any(|folder| folder.join("libclang.so").exists())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn libclang_is_found_in_debians_folder_and_only_with_its_development_link() {
+        let prefix = tempfile::tempdir().expect("a temporary folder");
+        let folder = prefix.path().join("lib/llvm-14/lib");
+        std::fs::create_dir_all(&folder).expect("writable");
+        std::fs::write(folder.join("libclang.so.1"), "").expect("writable");
+        assert!(!find_libclang(prefix.path()));
+        std::fs::write(folder.join("libclang.so"), "").expect("writable");
+        assert!(find_libclang(prefix.path()));
+    }
+
+    #[test]
+    fn advice_names_the_tool_and_one_line_to_type() {
+        let advice = "chromium is missing: sudo apt-get install chromium";
+        assert_eq!(Need::Chromium.advice(), advice);
+        assert!(Need::Clippy.advice().ends_with("rustup component add clippy"));
+    }
+}

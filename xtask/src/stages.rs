@@ -1,0 +1,190 @@
+//! `cargo xtask test`: the stages, in order, each with what it needs. A stage that cannot run is never
+//! counted as passed.
+
+use crate::{
+    bindings,
+    debian::{Need, provide},
+    error::Failure,
+    fmu,
+    process::{cargo, command, run as start},
+    python, scenario,
+    table::{Outcome, Row, render},
+    workspace::Workspace,
+};
+use clap::ValueEnum;
+use std::{io::IsTerminal, path::Path, process::ExitCode, time::Instant};
+
+/// One stage of the test run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Stage {
+    /// The source is formatted
+    Fmt,
+    /// No warning in any target
+    Clippy,
+    /// The tests in Rust
+    Rust,
+    /// The documentation builds without a warning
+    Doc,
+    /// src/fmi/bindings.rs is what the FMI headers give
+    Bindings,
+    /// Both FMUs build and pack
+    Fmu,
+    /// The FMUs in FMPy, against the reference data
+    Fmpy,
+    /// Case 1 through the harness
+    Run,
+    /// The report of Case 1 in a browser without network
+    Browser,
+}
+
+impl Stage {
+    /// As typed after `--only`.
+    fn name(self) -> &'static str {
+        match self {
+            Stage::Fmt => "fmt",
+            Stage::Clippy => "clippy",
+            Stage::Rust => "rust",
+            Stage::Doc => "doc",
+            Stage::Bindings => "bindings",
+            Stage::Fmu => "fmu",
+            Stage::Fmpy => "fmpy",
+            Stage::Run => "run",
+            Stage::Browser => "browser",
+        }
+    }
+
+    /// Tools beyond cargo and gcc.
+    fn needs(self) -> &'static [Need] {
+        match self {
+            Stage::Fmt => &[Need::Rustfmt],
+            Stage::Clippy => &[Need::Clippy],
+            Stage::Bindings => &[Need::Libclang],
+            Stage::Fmpy => &[Need::Python],
+            Stage::Browser => &[Need::Python, Need::Chromium],
+            Stage::Rust | Stage::Doc | Stage::Fmu | Stage::Run => &[],
+        }
+    }
+
+    /// The stages whose work this one uses.
+    fn after(self) -> &'static [Stage] {
+        match self {
+            Stage::Fmpy | Stage::Run => &[Stage::Fmu],
+            Stage::Browser => &[Stage::Fmu, Stage::Run],
+            _ => &[],
+        }
+    }
+
+    fn execute(self, workspace: &Workspace, pytest: &[String]) -> Result<(), Failure> {
+        let cargo = |arguments: &str| {
+            let mut cargo = cargo(workspace);
+            cargo.args(arguments.split(' '));
+            cargo
+        };
+        match self {
+            Stage::Fmt => start(&mut cargo("fmt --all --check")),
+            Stage::Clippy => start(&mut cargo("clippy --workspace --all-targets -- -D warnings")),
+            Stage::Rust => start(&mut cargo("test --workspace")),
+            Stage::Doc => start(cargo("doc --workspace --no-deps").env("RUSTDOCFLAGS", "-D warnings")),
+            Stage::Bindings => bindings::check(workspace),
+            Stage::Fmu => fmu::build_and_pack(workspace),
+            Stage::Fmpy => {
+                let python = python::environment(workspace)?;
+                let mut test = command(workspace, python);
+                // Where the built `bess` and the libraries are, for the tests that look at them.
+                test.env("BESS_RELEASE_DIR", workspace.release());
+                start(test.args(["-m", "pytest", "-ra", "tests/fmpy"]).args(pytest))
+            }
+            Stage::Run => scenario::run(workspace, Path::new("case1"), &[]),
+            Stage::Browser => {
+                let report = Path::new(&scenario::results(Path::new("case1"))?).join("report.html");
+                start(command(workspace, "python3").arg("tests/browser/check_report.py").arg(report))
+            }
+        }
+    }
+}
+
+/// Runs the stages named (all, if none is) and those they need; prints the table.
+pub fn run(workspace: &Workspace, only: &[Stage], pytest: Vec<String>) -> Result<ExitCode, Failure> {
+    let stages = selected(only);
+    let needs: Vec<Need> = stages.iter().flat_map(|stage| stage.needs()).copied().collect();
+    provide(workspace, &needs);
+
+    let strict = std::env::var("CI").is_ok_and(|value| value == "true");
+    let mut rows: Vec<Row> = Vec::new();
+    for stage in stages {
+        eprintln!("\n== {}", stage.name());
+        let begin = Instant::now();
+        let outcome = match obstacle(stage, &rows) {
+            Some(why) if strict => Outcome::Failed(why),
+            Some(why) => Outcome::Skipped(why),
+            None => match stage.execute(workspace, &pytest) {
+                Ok(()) => Outcome::Passed,
+                Err(failure) => Outcome::Failed(failure.to_string()),
+            },
+        };
+        rows.push(Row { stage: stage.name(), outcome, time: begin.elapsed() });
+    }
+
+    let colour = std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    print!("\n{}", render(&rows, colour));
+    let failed = rows.iter().any(|row| matches!(row.outcome, Outcome::Failed(_)));
+    Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+/// The stages named and those they need, in order.
+fn selected(only: &[Stage]) -> Vec<Stage> {
+    let wanted = |stage: &Stage| only.contains(stage) || only.iter().any(|one| one.after().contains(stage));
+    Stage::value_variants().iter().filter(|stage| only.is_empty() || wanted(stage)).copied().collect()
+}
+
+/// Why a stage cannot run, if it cannot.
+fn obstacle(stage: Stage, so_far: &[Row]) -> Option<String> {
+    let missing = stage.needs().iter().find(|need| !need.met()).map(|need| need.advice());
+    missing.or_else(|| {
+        let lost = |name: &str| so_far.iter().any(|row| row.stage == name && row.outcome != Outcome::Passed);
+        let before = stage.after().iter().find(|before| lost(before.name()))?;
+        Some(format!("needs `{}`, which did not pass", before.name()))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn names_are_those_of_the_command_line() {
+        for stage in Stage::value_variants() {
+            let value = stage.to_possible_value().expect("no stage is hidden");
+            assert_eq!(value.get_name(), stage.name());
+        }
+    }
+
+    #[test]
+    fn a_stage_brings_those_it_needs_in_order() {
+        assert_eq!(selected(&[Stage::Browser]), [Stage::Fmu, Stage::Run, Stage::Browser]);
+        assert_eq!(selected(&[Stage::Fmpy, Stage::Fmt]), [Stage::Fmt, Stage::Fmu, Stage::Fmpy]);
+        assert_eq!(selected(&[]), Stage::value_variants());
+    }
+
+    #[test]
+    fn what_a_stage_needs_comes_before_it_and_is_complete() {
+        let order = Stage::value_variants();
+        let position = |stage| order.iter().position(|&one| one == stage);
+        for &stage in order {
+            for &before in stage.after() {
+                assert!(position(before) < position(stage));
+                assert!(before.after().iter().all(|one| stage.after().contains(one)));
+            }
+        }
+    }
+
+    #[test]
+    fn a_stage_does_not_run_after_a_failure_it_depends_on() {
+        let row = |outcome| Row { stage: "fmu", outcome, time: Duration::ZERO };
+        assert_eq!(obstacle(Stage::Run, &[row(Outcome::Passed)]), None);
+        let expected = Some("needs `fmu`, which did not pass".to_string());
+        assert_eq!(obstacle(Stage::Run, &[row(Outcome::Failed(String::new()))]), expected);
+        assert_eq!(obstacle(Stage::Run, &[row(Outcome::Skipped(String::new()))]), expected);
+    }
+}
