@@ -20,4 +20,3 @@ pub mod control;
 pub mod fmi;
 #[cfg(feature = "grid")]
 pub mod grid;
-
