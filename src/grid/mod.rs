@@ -1,2 +1,30 @@
-//! The plant: network, power flow, droop inverter, battery, loads, tie; and the agent model. Pure.
+//! The plant: network, power flow, droop inverter, battery, loads, tie; and the agent model. Pure:
+//! no I/O, no FMI. Quantities in per unit on the system base, time in s, angles in rad, the paper's
+//! letters in ASCII.
+//!
+//! | file | what it is |
+//! |---|---|
+//! | [`case`], [`matpower`] | the network data, from JSON or MATPOWER's own format |
+//! | [`config`] | everything the grid model is made from, with its validation |
+//! | [`admittance`] | the bus admittance matrix |
+//! | [`power_flow`] | the operating point that turns loads into admittances |
+//! | [`load`] | impedance, constant-power and ZIP loads |
+//! | [`plant`], [`network`], [`reduction`], [`lu`] | what the sources see of the network |
+//! | [`bess`] | the paper's (1) to (3), angle and battery, one function each |
+//! | [`integrator`] | embedded Runge-Kutta 5(4) with error control |
+//! | [`steady_state`] | where a simulation starts |
+//! | [`model`], [`state`] | the grid model: inputs, steps, outputs, its state |
+//! | [`distance`] | electrical distances between BESS buses |
+//! | [`agents`] | the paper's (5)-(6), to check the theory with |
 #![forbid(unsafe_code)]
+#![allow(non_snake_case)]
+
+pub mod case;
+pub mod config;
+pub mod error;
+pub mod load;
+
+pub use case::{Branch, Bus, Case, Generator};
+pub use config::{Bess, CaseSource, Config, NetworkMethod, Tie, Tolerances};
+pub use error::GridError;
+pub use load::LoadModel;
