@@ -46,6 +46,7 @@ pub struct StepByStep {
 
 /// How a distance becomes a weight; both lie in (0, 1] and are symmetric.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Weights {
     /// w_ij = d_min / d_ij, d_min the least distance between two agents.
@@ -57,6 +58,7 @@ pub enum Weights {
 
 /// One step-by-step topology.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct StepByStepTopology {
     /// For people: `a3`.
@@ -67,6 +69,7 @@ pub struct StepByStepTopology {
 
 /// Edges inside a cluster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Inside {
     /// The minimum spanning tree of its agents: the paper's a3.
@@ -85,6 +88,7 @@ pub struct Explicit {
 
 /// One graph written out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ExplicitTopology {
     /// For people.
@@ -103,6 +107,7 @@ pub struct ExplicitTopology {
 
 /// An undirected edge.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ExplicitEdge {
     /// One end, from 1.
@@ -118,6 +123,7 @@ pub struct ExplicitEdge {
 
 /// A pin to the virtual leader.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ExplicitPin {
     /// The agent, from 1.

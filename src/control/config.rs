@@ -75,6 +75,7 @@ fn default_theta_E() -> f64 {
 
 /// Gains of the five inputs, each >= 0; they multiply the weights w_ij and a_0i.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Gains {
     /// Gain of u_omega (without its u_P part); (12).
@@ -97,6 +98,7 @@ impl Default for Gains {
 
 /// What the voltage input does, DESIGN row "(13) on a real network".
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum VoltagePolicy {
     /// (13) as printed: a compromise between V = V_ref and equal K_Q Q.
@@ -123,6 +125,7 @@ impl VoltagePolicy {
 
 /// How the flows are sampled, DESIGN 1.1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Discretisation {
     /// Each flow capped at what would carry its two ends together.
@@ -149,6 +152,7 @@ impl Discretisation {
 
 /// The scalar law behind every flow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Law {
     /// The paper's s(d) = sgn(d) abs(d)^eta.
@@ -189,6 +193,7 @@ pub struct Limits {
 
 /// Window of the state of charge, equal for all agents.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SocLimits {
     /// No discharging at or below, in [0, 1).
@@ -206,6 +211,7 @@ fn default_taper() -> f64 {
 
 /// Time constants of first-order filters on the measurements, s, >= 0; 0 is no filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct MeasurementFilter {
     /// On omega.
@@ -223,6 +229,7 @@ pub struct MeasurementFilter {
 /// Imperfections of the communication, drawn from a counter-based generator: the same seed gives
 /// the same run, whatever is rolled back.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Channel {
     /// Largest extra delay of a message, uniform in [0, jitter_s], s, >= 0.

@@ -85,6 +85,7 @@ pub struct Tie {
 
 /// How the network equations are solved; both ways agree to rounding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum NetworkMethod {
     /// By size.
@@ -98,6 +99,7 @@ pub enum NetworkMethod {
 
 /// Error control of the integration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Tolerances {
     /// Relative.

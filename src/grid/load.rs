@@ -10,6 +10,7 @@ pub const IMPEDANCE_BELOW: f64 = 0.7;
 
 /// Load model of the case's loads; load changes (`dP_load`, `dQ_load`) are admittances always.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "host", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum LoadModel {
     /// Constant admittance at the voltage of the power flow.
