@@ -4,7 +4,6 @@
 mod bounds;
 mod cluster;
 mod export;
-mod picture;
 mod run;
 mod show;
 
