@@ -84,16 +84,13 @@ macro_rules! export_fmi2 {
         }
     };
     (@plain $($name:ident: $type:ident = $function:ident;)*) => { $(
-        #[doc = concat!(stringify!($name), " of FMI 2.0.")]
-        ///
-        /// # Safety
-        /// Always safe to call.
-        #[allow(non_snake_case)]
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $name() -> *const ::std::ffi::c_char {
-            $crate::fmi::shell::$function()
-        }
-        const _: $crate::fmi::bindings::$type = Some($name);
+        const _: $crate::fmi::bindings::$type = {
+            #[unsafe(no_mangle)]
+            unsafe extern "C" fn $name() -> *const ::std::ffi::c_char {
+                $crate::fmi::shell::$function()
+            }
+            Some($name)
+        };
     )* };
     (@generic $model:ty; $($name:ident: $type:ident = $function:ident($($argument:ident: $kind:ty),*);)*) => {
         $crate::export_fmi2! { @returning $model;

@@ -1,5 +1,5 @@
-//! Communication time, counted in integer nanoseconds. It follows the master's clock: whatever the
-//! master's rounding does, the count never drifts away from it, and equal step sizes stay equal.
+//! Communication time, counted in integer nanoseconds. Whatever the master's rounding does, equal
+//! steps stay equal, and the count never leaves the tolerance around the master's clock.
 
 use super::model::Step;
 
@@ -22,9 +22,15 @@ fn rounding_s(time_s: f64) -> f64 {
     4.0 * f64::EPSILON * time_s.abs()
 }
 
-/// How far a communication point may lie from the counted time and still be meant, s.
+/// How far a communication point may lie from the counted time and still be meant, s: a millionth of
+/// the step, a nanosecond, the rounding of the number itself, and what a clock that adds up its steps
+/// may have lost so far (half an ulp a step, at most a ten-thousandth of a step).
 pub fn tolerance_s(now_ns: i64, step_s: f64) -> f64 {
-    1e-6 * step_s + 1e-9 + rounding_s(to_s(now_ns))
+    let now_s = to_s(now_ns);
+    let summed_s = (f64::EPSILON / 2.0 * now_s * now_s / step_s).min(1e-4 * step_s);
+    // Without a step (0 / 0 at time 0) nothing has been added up.
+    let summed_s = if step_s > 0.0 { summed_s } else { 0.0 };
+    1e-6 * step_s + 1e-9 + rounding_s(now_s) + summed_s
 }
 
 /// The step from the counted time to `point_s + step_s`, or `None` when that is less than a
@@ -33,11 +39,14 @@ pub fn tolerance_s(now_ns: i64, step_s: f64) -> f64 {
 pub fn plan(now_ns: i64, point_s: f64, step_s: f64) -> Result<Option<Step>, ()> {
     let end_s = point_s + step_s;
     let end_ns = to_ns(end_s).ok_or(())?;
-    // The counted end is kept while it agrees with the master's clock up to rounding, so that every
-    // step of 10 ms is 10_000_000 ns even where the clock itself is coarser than that.
-    let counted_ns = to_ns(step_s).and_then(|ns| now_ns.checked_add(ns)).ok_or(())?;
-    let off_ns = (counted_ns as f64 - end_s * 1e9).abs();
-    let end_ns = if off_ns <= 0.6 + rounding_s(end_s) * 1e9 { counted_ns } else { end_ns };
+    let step_ns = to_ns(step_s).ok_or(())?;
+    let counted_ns = now_ns.checked_add(step_ns).ok_or(())?;
+    // A step of whole nanoseconds is taken at its word as long as the clock stays within tolerance:
+    // a master that adds up 0.1 s drifts, the count does not, and every step is equally long. Other
+    // steps (1/3 s) follow the clock, because their count would drift.
+    let is_whole = (step_s * 1e9 - step_ns as f64).abs() <= 1e-3;
+    let slack_s = if is_whole { 0.9 * tolerance_s(now_ns, step_s) } else { 0.6e-9 + rounding_s(end_s) };
+    let end_ns = if (counted_ns as f64 - end_s * 1e9).abs() <= slack_s * 1e9 { counted_ns } else { end_ns };
     match end_ns.checked_sub(now_ns) {
         Some(duration_ns) if duration_ns > 0 => Ok(Some(Step { start_ns: now_ns, duration_ns })),
         _ => Ok(None),
@@ -90,7 +99,15 @@ mod tests {
             (f64::from(k) * 0.01 + if k == 0 { 0.0 } else { jitter }, 0.01)
         });
         let (end, _) = run(0.0, points);
-        assert!((end - 100_000_000_000).abs() <= 9, "{end}");
+        assert_eq!(end, 100_000_000_000);
+    }
+
+    #[test]
+    fn a_clock_that_runs_away_slowly_is_followed() {
+        // Each step is 1e-8 longer than the step size says: far more than rounding.
+        let points = (0..10_000).map(|k| (f64::from(k) * 0.100_000_001, 0.1));
+        let (end, _) = run(0.0, points);
+        assert!((end - 1_000_000_010_000).abs() <= 103, "{end}");
     }
 
     #[test]
