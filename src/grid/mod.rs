@@ -19,12 +19,32 @@
 #![forbid(unsafe_code)]
 #![allow(non_snake_case)]
 
+pub mod admittance;
+pub mod agents;
+pub mod bess;
 pub mod case;
 pub mod config;
+pub mod distance;
+pub mod dynamics;
 pub mod error;
+pub mod integrator;
 pub mod load;
+pub mod lu;
+pub mod model;
+pub mod network;
+pub mod plant;
+pub mod power_flow;
+pub mod reduction;
+pub mod state;
+pub mod steady_state;
+pub mod workspace;
 
+pub use agents::{Agents, Controls};
 pub use case::{Branch, Bus, Case, Generator};
 pub use config::{Bess, CaseSource, Config, NetworkMethod, Tie, Tolerances};
+pub use distance::electrical_distances;
 pub use error::GridError;
 pub use load::LoadModel;
+pub use model::GridModel;
+pub use power_flow::{PowerFlow, Start, power_flow};
+pub use state::{Inputs, Parameters, State};

@@ -1,0 +1,65 @@
+//! The right-hand side of the grid model: sources, filters, angles and batteries over the network.
+//! The state vector is [delta | P | Q | E], n each. Never chooses a step size.
+
+use super::bess::{angle_rate, energy_rate, omega, power_filter, voltage};
+use super::integrator::Dynamics;
+use super::network::Network;
+use super::state::{Inputs, Parameters};
+use super::workspace::Workspace;
+
+/// Powers beyond which a simulation has run away, pu.
+const RUN_AWAY_PU: f64 = 1e6;
+
+/// The grid with its inputs held.
+pub struct Grid<'a> {
+    /// The network under the present loads and tie.
+    pub network: &'a Network,
+    /// Memory for it.
+    pub workspace: &'a mut Workspace,
+    /// Inputs.
+    pub inputs: &'a Inputs,
+    /// Parameters.
+    pub parameters: &'a Parameters,
+    /// 2 pi times the nominal frequency, rad/s.
+    pub omega_b: f64,
+}
+
+impl Dynamics for Grid<'_> {
+    #[inline]
+    fn derivative(&mut self, y: &[f64], dy: &mut [f64]) -> bool {
+        let n = y.len() / 4;
+        let (u, k, ws) = (self.inputs, self.parameters, &mut *self.workspace);
+        let (delta, rest) = y.split_at(n);
+        let (P, rest) = rest.split_at(n);
+        let Q = &rest[..n];
+        for i in 0..n {
+            ws.set_source(i, voltage(u.V_set[i], k.K_Q[i], Q[i], u.Q_set[i]), delta[i]);
+        }
+        if self.network.currents(ws).is_err() {
+            return false;
+        }
+        let (d_delta, rest) = dy.split_at_mut(n);
+        let (d_P, rest) = rest.split_at_mut(n);
+        let (d_Q, d_E) = rest.split_at_mut(n);
+        for i in 0..n {
+            let (p, q) = ws.power(i);
+            d_delta[i] = angle_rate(omega(u.omega_set[i], k.K_P[i], P[i], u.P_set[i]), self.omega_b);
+            d_P[i] = power_filter(p, P[i], k.omega_c);
+            d_Q[i] = power_filter(q, Q[i], k.omega_c);
+            d_E[i] = energy_rate(p);
+        }
+        true
+    }
+
+    #[inline]
+    fn scale(&self, k: usize, value: f64) -> f64 {
+        // Angles turn without bound, their errors matter against one radian.
+        if k < self.inputs.omega_set.len() { 1.0 } else { value }
+    }
+
+    #[inline]
+    fn plausible(&self, y: &[f64]) -> bool {
+        let n = y.len() / 4;
+        y[n..3 * n].iter().all(|x| x.abs() < RUN_AWAY_PU)
+    }
+}

@@ -1,0 +1,274 @@
+//! What the sources see of the network under the present load changes and tie: their currents from
+//! their voltages, and bus voltages on demand. Small grids go through a dense matrix (Kron reduction),
+//! large ones through a sparse solve; both agree to rounding. Rebuilt from the plant whenever loads,
+//! tie or reactances change, so that nothing depends on the order of earlier changes.
+
+use super::admittance::SparseMatrix;
+use super::config::NetworkMethod;
+use super::error::GridError;
+use super::lu::Lu;
+use super::plant::Plant;
+use super::reduction::{LOAD_TOLERANCE_PU, MAX_LOAD_ITERATIONS, Reduction, worse};
+use super::workspace::Workspace;
+use faer::c64;
+use std::sync::Arc;
+
+/// What the network depends on besides the plant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Conditions<'a> {
+    /// Load changes per bus, pu at 1 pu voltage: admittance dP - j dQ.
+    pub dP_load: &'a [f64],
+    /// Reactive load changes per bus, pu at 1 pu voltage, positive inductive.
+    pub dQ_load: &'a [f64],
+    /// Reactance behind each source, pu.
+    pub X_c: &'a [f64],
+    /// Whether the breaker to the main grid is closed.
+    pub tie_closed: bool,
+}
+
+/// The network between the sources.
+#[derive(Clone)]
+pub struct Network {
+    plant: Arc<Plant>,
+    matrix: SparseMatrix,
+    lu: Lu,
+    /// `Some` for the dense method.
+    reduction: Option<Reduction>,
+    /// Admittance 1 / (j X_c) of each source, and of the tie when closed.
+    source: Vec<c64>,
+    tie: c64,
+    dP_load: Vec<f64>,
+    dQ_load: Vec<f64>,
+    X_c: Vec<f64>,
+    tie_closed: bool,
+    valid: bool,
+}
+
+impl Network {
+    /// The network of a plant under the given conditions.
+    pub fn new(plant: Arc<Plant>, method: NetworkMethod, now: &Conditions<'_>) -> Result<Self, GridError> {
+        let matrix = assemble(&plant, now, None);
+        let lu = Lu::new(&matrix, "the network with its sources")?;
+        let reduction = use_kron(&plant, method).then(|| Reduction::new(&plant, &lu));
+        let mut this = Self {
+            source: vec![c64::ZERO; plant.n()],
+            tie: c64::ZERO,
+            dP_load: vec![0.0; plant.n_bus()],
+            dQ_load: vec![0.0; plant.n_bus()],
+            X_c: vec![0.0; plant.n()],
+            tie_closed: false,
+            valid: false,
+            plant,
+            matrix,
+            lu,
+            reduction,
+        };
+        this.update(now)?;
+        Ok(this)
+    }
+
+    /// Memory for evaluations of this network.
+    pub fn workspace(&self) -> Workspace {
+        Workspace::new(self.plant.n(), self.plant.n_bus(), self.plant.nonlinear.len(), self.lu.scratch(1))
+    }
+
+    /// The plant that the network belongs to.
+    pub fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    /// Whether the dense method is used.
+    pub fn is_dense(&self) -> bool {
+        self.reduction.is_some()
+    }
+
+    /// Brings the network in line with the conditions; does nothing when they have not changed.
+    pub fn update(&mut self, now: &Conditions<'_>) -> Result<(), GridError> {
+        let same = self.valid
+            && self.tie_closed == now.tie_closed
+            && self.X_c == now.X_c
+            && self.dP_load == now.dP_load
+            && self.dQ_load == now.dQ_load;
+        if same { Ok(()) } else { self.rebuild(now, None) }
+    }
+
+    /// Makes the network anew; `extra` is added to the diagonal of the bus admittance matrix.
+    pub(super) fn rebuild(&mut self, now: &Conditions<'_>, extra: Option<&[c64]>) -> Result<(), GridError> {
+        self.valid = false;
+        fill(&self.plant, now, extra, self.matrix.val_mut());
+        self.lu.refactor(&self.matrix)?;
+        for (y, &X) in self.source.iter_mut().zip(now.X_c) {
+            *y = through(X);
+        }
+        self.tie = tie_admittance(&self.plant, now);
+        if let Some(reduction) = &mut self.reduction {
+            reduction.rebuild(&self.plant, &self.lu, &self.source, self.tie)?;
+        }
+        self.dP_load.copy_from_slice(now.dP_load);
+        self.dQ_load.copy_from_slice(now.dQ_load);
+        self.X_c.copy_from_slice(now.X_c);
+        self.tie_closed = now.tie_closed;
+        self.valid = extra.is_none();
+        Ok(())
+    }
+
+    /// Currents `ws.i_*` that the sources send into the network, from their voltages `ws.e_*`, pu.
+    #[inline]
+    pub fn currents(&self, ws: &mut Workspace) -> Result<(), GridError> {
+        match &self.reduction {
+            Some(reduction) => reduction.currents(&self.plant, ws),
+            None => {
+                self.voltages(ws)?;
+                for (i, &bus) in self.plant.bess_bus.iter().enumerate() {
+                    let current = self.source[i] * (c64::new(ws.e_re[i], ws.e_im[i]) - ws.v[bus]);
+                    (ws.i_re[i], ws.i_im[i]) = (current.re, current.im);
+                }
+                Ok(())
+            }
+        }
+    }
+
+    /// Bus voltages `ws.v` from the sources' voltages `ws.e_*`, pu.
+    pub fn voltages(&self, ws: &mut Workspace) -> Result<(), GridError> {
+        if let Some(reduction) = &self.reduction {
+            return reduction.voltages(&self.plant, ws);
+        }
+        if self.plant.nonlinear.is_empty() || !ws.warm {
+            self.linear_voltages(ws);
+        }
+        if self.plant.nonlinear.is_empty() {
+            return Ok(());
+        }
+        if !std::mem::replace(&mut ws.warm, true) {
+            for (k, load) in self.plant.nonlinear.iter().enumerate() {
+                ws.v_load[k] = ws.v[load.bus];
+            }
+        }
+        let mut change = f64::INFINITY;
+        for _ in 0..MAX_LOAD_ITERATIONS {
+            self.plant.load_currents(&ws.v_load, &mut ws.j_load);
+            self.inject_sources(ws);
+            for (k, load) in self.plant.nonlinear.iter().enumerate() {
+                ws.v[load.bus] += ws.j_load[k];
+            }
+            self.lu.solve(&mut ws.v, &mut ws.scratch);
+            change = 0.0;
+            for (k, load) in self.plant.nonlinear.iter().enumerate() {
+                change = worse(change, (ws.v[load.bus] - ws.v_load[k]).norm());
+                ws.v_load[k] = ws.v[load.bus];
+            }
+            if change < LOAD_TOLERANCE_PU {
+                return Ok(());
+            }
+        }
+        ws.warm = false;
+        Err(GridError::Loads { residual: change })
+    }
+
+    /// The same with every load taken as an impedance.
+    pub(super) fn linear_voltages(&self, ws: &mut Workspace) {
+        if let Some(reduction) = &self.reduction {
+            reduction.linear_voltages(ws);
+        } else {
+            self.inject_sources(ws);
+            self.lu.solve(&mut ws.v, &mut ws.scratch);
+        }
+    }
+
+    fn inject_sources(&self, ws: &mut Workspace) {
+        ws.v.fill(c64::ZERO);
+        for (i, &bus) in self.plant.bess_bus.iter().enumerate() {
+            ws.v[bus] += self.source[i] * c64::new(ws.e_re[i], ws.e_im[i]);
+        }
+        if let Some((bus, _)) = self.plant.tie {
+            ws.v[bus] += self.tie;
+        }
+    }
+
+    /// n x (n + 1) reduced admittances of the impedance network, row after row, the main grid last, pu.
+    pub fn reduced(&self) -> Vec<c64> {
+        let n = self.plant.n();
+        let mut Y = vec![c64::ZERO; n * (n + 1)];
+        if let Some(reduction) = &self.reduction {
+            for i in 0..n {
+                for s in 0..=n {
+                    Y[i * (n + 1) + s] = reduction.admittance(i, s);
+                }
+            }
+            return Y;
+        }
+        let mut scratch = self.lu.scratch(1);
+        let mut column = vec![c64::ZERO; self.plant.n_bus()];
+        for s in 0..=n {
+            column.fill(c64::ZERO);
+            match (s < n, self.plant.tie) {
+                (true, _) => column[self.plant.bess_bus[s]] = self.source[s],
+                (false, Some((bus, _))) => column[bus] = self.tie,
+                (false, None) => {}
+            }
+            self.lu.solve(&mut column, &mut scratch);
+            for i in 0..n {
+                let own = if i == s { self.source[i] } else { c64::ZERO };
+                Y[i * (n + 1) + s] = own - self.source[i] * column[self.plant.bess_bus[i]];
+            }
+        }
+        Y
+    }
+
+    /// Power (P, Q) that the main grid sends into the network, measured at the tie's bus, from the bus
+    /// voltages `ws.v`, pu; zero when the breaker is open.
+    pub fn tie_power(&self, v: &[c64]) -> (f64, f64) {
+        match self.plant.tie {
+            Some((bus, _)) if self.tie_closed => {
+                let S = v[bus] * (self.tie * (c64::ONE - v[bus])).conj();
+                (S.re, S.im)
+            }
+            _ => (0.0, 0.0),
+        }
+    }
+}
+
+/// Admittance of a reactance, pu.
+fn through(X: f64) -> c64 {
+    c64::new(0.0, -1.0 / X)
+}
+
+fn tie_admittance(plant: &Plant, now: &Conditions<'_>) -> c64 {
+    match plant.tie {
+        Some((_, X)) if now.tie_closed => through(X),
+        _ => c64::ZERO,
+    }
+}
+
+fn assemble(plant: &Plant, now: &Conditions<'_>, extra: Option<&[c64]>) -> SparseMatrix {
+    let mut matrix = plant.admittance.clone();
+    fill(plant, now, extra, matrix.val_mut());
+    matrix
+}
+
+fn fill(plant: &Plant, now: &Conditions<'_>, extra: Option<&[c64]>, values: &mut [c64]) {
+    values.copy_from_slice(plant.admittance.val());
+    for (k, &at) in plant.diagonal.iter().enumerate().filter(|&(k, _)| plant.live[k]) {
+        values[at] += c64::new(now.dP_load[k], -now.dQ_load[k]);
+        if let Some(extra) = extra {
+            values[at] += extra[k];
+        }
+    }
+    for (i, &bus) in plant.bess_bus.iter().enumerate() {
+        values[plant.diagonal[bus]] += through(now.X_c[i]);
+    }
+    if let Some((bus, _)) = plant.tie {
+        values[plant.diagonal[bus]] += tie_admittance(plant, now);
+    }
+}
+
+/// The dense method pays while its matrix stays small against the factors of the sparse one. With loads
+/// that are not impedances it needs a column for each of them.
+fn use_kron(plant: &Plant, method: NetworkMethod) -> bool {
+    match method {
+        NetworkMethod::Kron => true,
+        NetworkMethod::Sparse => false,
+        NetworkMethod::Auto if !plant.nonlinear.is_empty() => plant.n_bus() <= 300,
+        NetworkMethod::Auto => plant.n() <= 64 || plant.n() * plant.n() <= 20 * plant.n_bus(),
+    }
+}

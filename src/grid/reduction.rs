@@ -1,0 +1,191 @@
+//! The Kron-reduced network: one dense matrix from the sources' voltages to their currents, for small
+//! grids. Never factors anything; the network hands it its LU.
+
+use super::error::GridError;
+use super::lu::{Lu, Scratch};
+use super::plant::Plant;
+use super::workspace::Workspace;
+use faer::c64;
+
+/// Dense matrices between sources, buses and loads that are not impedances. All column after column.
+#[derive(Clone)]
+pub struct Reduction {
+    n: usize,
+    n_bus: usize,
+    /// n x n: source currents from source voltages, real and imaginary parts.
+    g: Vec<f64>,
+    b: Vec<f64>,
+    /// Source currents from the main grid.
+    i_tie: Vec<(f64, f64)>,
+    /// n_bus x (n + 1): bus voltages from the sources, the main grid last.
+    transfer: Vec<c64>,
+    /// n_bus x n_load: bus voltages from currents at the loads that are not impedances.
+    z_load: Vec<c64>,
+    /// n x n_load: source currents from those currents.
+    from_load: Vec<c64>,
+    scratch: Scratch,
+}
+
+impl Reduction {
+    /// Memory for the reduction of a plant.
+    pub fn new(plant: &Plant, lu: &Lu) -> Self {
+        let (n, n_bus, n_load) = (plant.n(), plant.n_bus(), plant.nonlinear.len());
+        Self {
+            n,
+            n_bus,
+            g: vec![0.0; n * n],
+            b: vec![0.0; n * n],
+            i_tie: vec![(0.0, 0.0); n],
+            transfer: vec![c64::ZERO; n_bus * (n + 1)],
+            z_load: vec![c64::ZERO; n_bus * n_load],
+            from_load: vec![c64::ZERO; n * n_load],
+            scratch: lu.scratch((n + 1).max(n_load)),
+        }
+    }
+
+    /// Makes the matrices from the factored network; `source` and `tie` are the admittances of the
+    /// sources and of the closed tie (zero when open).
+    pub fn rebuild(&mut self, plant: &Plant, lu: &Lu, source: &[c64], tie: c64) -> Result<(), GridError> {
+        let (n, n_bus) = (self.n, self.n_bus);
+        self.transfer.fill(c64::ZERO);
+        for s in 0..n {
+            self.transfer[s * n_bus + plant.bess_bus[s]] = source[s];
+        }
+        if let Some((bus, _)) = plant.tie {
+            self.transfer[n * n_bus + bus] = tie;
+        }
+        lu.solve(&mut self.transfer, &mut self.scratch);
+        for s in 0..n {
+            for i in 0..n {
+                let own = if i == s { source[i] } else { c64::ZERO };
+                let y = own - source[i] * self.transfer[s * n_bus + plant.bess_bus[i]];
+                (self.g[s * n + i], self.b[s * n + i]) = (y.re, y.im);
+            }
+        }
+        for i in 0..n {
+            let y = -source[i] * self.transfer[n * n_bus + plant.bess_bus[i]];
+            self.i_tie[i] = (y.re, y.im);
+        }
+        if !plant.nonlinear.is_empty() {
+            self.z_load.fill(c64::ZERO);
+            for (k, load) in plant.nonlinear.iter().enumerate() {
+                self.z_load[k * n_bus + load.bus] = c64::ONE;
+            }
+            lu.solve(&mut self.z_load, &mut self.scratch);
+            for k in 0..plant.nonlinear.len() {
+                for i in 0..n {
+                    self.from_load[k * n + i] = -source[i] * self.z_load[k * n_bus + plant.bess_bus[i]];
+                }
+            }
+        }
+        let finite = self.g.iter().chain(&self.b).all(|x| x.is_finite())
+            && self.transfer.iter().chain(&self.z_load).all(|z| z.is_finite());
+        if finite { Ok(()) } else { Err(GridError::Singular { what: "the network with its present loads" }) }
+    }
+
+    /// The reduced admittance between source `i` and source `s` (`s = n`: the main grid), pu.
+    pub fn admittance(&self, i: usize, s: usize) -> c64 {
+        if s == self.n {
+            c64::new(self.i_tie[i].0, self.i_tie[i].1)
+        } else {
+            c64::new(self.g[s * self.n + i], self.b[s * self.n + i])
+        }
+    }
+
+    /// Source currents from the source voltages in the workspace.
+    #[inline]
+    pub fn currents(&self, plant: &Plant, ws: &mut Workspace) -> Result<(), GridError> {
+        let n = self.n;
+        let (i_re, i_im) = (&mut ws.i_re[..n], &mut ws.i_im[..n]);
+        for (i, &(re, im)) in self.i_tie.iter().enumerate() {
+            i_re[i] = re;
+            i_im[i] = im;
+        }
+        for ((g, b), (&er, &ei)) in
+            self.g.chunks_exact(n).zip(self.b.chunks_exact(n)).zip(ws.e_re.iter().zip(&ws.e_im))
+        {
+            for i in 0..n {
+                i_re[i] += g[i] * er - b[i] * ei;
+                i_im[i] += g[i] * ei + b[i] * er;
+            }
+        }
+        if !plant.nonlinear.is_empty() {
+            self.solve_loads(plant, ws)?;
+            for k in 0..plant.nonlinear.len() {
+                for i in 0..n {
+                    let current = self.from_load[k * n + i] * ws.j_load[k];
+                    ws.i_re[i] += current.re;
+                    ws.i_im[i] += current.im;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Bus voltages from the source voltages in the workspace, into `ws.v`.
+    pub fn voltages(&self, plant: &Plant, ws: &mut Workspace) -> Result<(), GridError> {
+        self.linear_voltages(ws);
+        if !plant.nonlinear.is_empty() {
+            self.solve_loads(plant, ws)?;
+            for (column, &j) in self.z_load.chunks_exact(self.n_bus).zip(&ws.j_load) {
+                for (v, z) in ws.v.iter_mut().zip(column) {
+                    *v += z * j;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The same with every load taken as an impedance.
+    pub fn linear_voltages(&self, ws: &mut Workspace) {
+        ws.v.copy_from_slice(&self.transfer[self.n * self.n_bus..]);
+        for (s, column) in self.transfer.chunks_exact(self.n_bus).take(self.n).enumerate() {
+            let e = c64::new(ws.e_re[s], ws.e_im[s]);
+            for (v, w) in ws.v.iter_mut().zip(column) {
+                *v += w * e;
+            }
+        }
+    }
+
+    /// Fixed point of the loads' voltages and currents: `v = v_open + Z j(v)`.
+    fn solve_loads(&self, plant: &Plant, ws: &mut Workspace) -> Result<(), GridError> {
+        for (k, load) in plant.nonlinear.iter().enumerate() {
+            let mut v = self.transfer[self.n * self.n_bus + load.bus];
+            for s in 0..self.n {
+                v += self.transfer[s * self.n_bus + load.bus] * c64::new(ws.e_re[s], ws.e_im[s]);
+            }
+            ws.v_open[k] = v;
+        }
+        if !std::mem::replace(&mut ws.warm, true) {
+            ws.v_load.copy_from_slice(&ws.v_open);
+        }
+        let mut change = f64::INFINITY;
+        for _ in 0..MAX_LOAD_ITERATIONS {
+            plant.load_currents(&ws.v_load, &mut ws.j_load);
+            change = 0.0;
+            for (k, load) in plant.nonlinear.iter().enumerate() {
+                let mut v = ws.v_open[k];
+                for (l, &j) in ws.j_load.iter().enumerate() {
+                    v += self.z_load[l * self.n_bus + load.bus] * j;
+                }
+                change = worse(change, (v - ws.v_load[k]).norm());
+                ws.v_load[k] = v;
+            }
+            if change < LOAD_TOLERANCE_PU {
+                return Ok(());
+            }
+        }
+        ws.warm = false;
+        Err(GridError::Loads { residual: change })
+    }
+}
+
+/// Fixed-point iterations for the loads' voltages before giving up.
+pub(super) const MAX_LOAD_ITERATIONS: usize = 200;
+/// Change of a voltage at which the iteration ends, pu.
+pub(super) const LOAD_TOLERANCE_PU: f64 = 1e-13;
+
+/// The larger of two, NaN counting as infinite.
+pub(super) fn worse(a: f64, b: f64) -> f64 {
+    if b.is_nan() { f64::INFINITY } else { a.max(b) }
+}
