@@ -89,8 +89,9 @@ def test_only_pinned_agents_feel_the_virtual_leader(controller):
     controller.initialize({"enable": True, "P": 0.0, "Q": 0.0, "omega": 0.999, "V": 1.0, "E": charge})
     controller.step(0.0, 0.01)
     u = controller.get("u_omega")
-    pulled = u > 0
-    assert (u[~pulled] == 0).all()
+    pulled = u > 1e-3
+    # Rounding of the states of charge moves some 1e-13 of power, which is shared.
+    assert np.abs(u[~pulled]).max() < 1e-11
     # One active leader in each cluster.
     assert sorted(controller.get("cluster")[pulled]) == sorted(set(controller.get("cluster")))
     assert abs(controller.get("error_omega") - 0.001) < 1e-15
