@@ -3,15 +3,48 @@
 //!
 //! Everything is per unit on the system base; omega in pu of nominal, time in s (counted in integer
 //! ns), energy in pu*h. Agents count from 0 inside and from 1 in JSON, events and outputs.
+//!
+//! | file | what it is for |
+//! |---|---|
+//! | `config`, `communication`, `validate`, `error` | what a controller is made from, and what is wrong with it |
+//! | `graph`, `clustering`, `topology`, `network` | who talks to whom, from distances to the hot path's arrays |
+//! | `protocol`, `discretisation`, `exchange`, `estimator` | the laws (9)-(13), one function per equation |
+//! | `delay`, `limits` | what agents know of each other, what they can do |
+//! | `certificates`, `spectrum` | how long it takes |
+//! | `controller`, `adopt`, `evaluate`, `step`, `state`, `io`, `event` | the controller around them |
 #![forbid(unsafe_code)]
 // The paper's letters (K_P, P_set, u_P) are the names that users know from its equations.
 #![allow(non_snake_case)]
 
+mod adopt;
+pub mod certificates;
+pub mod clustering;
 pub mod communication;
 pub mod config;
+mod controller;
+pub mod delay;
+pub mod discretisation;
 pub mod error;
+pub mod estimator;
+mod evaluate;
+pub mod event;
+pub mod exchange;
 pub mod graph;
+pub mod io;
+pub mod limits;
+pub mod network;
+pub mod protocol;
+pub mod spectrum;
+mod state;
+mod step;
+mod time;
+pub mod topology;
 mod validate;
 
+pub use adopt::{Spectrum, Tie};
 pub use config::Config;
+pub use controller::Controller;
 pub use error::{ConfigError, Problem};
+pub use event::Event;
+pub use io::{Inputs, Outputs, Parameters};
+pub use state::State;

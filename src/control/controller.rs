@@ -1,0 +1,241 @@
+//! The controller: inputs in, setpoints out, one step at a time. Holds the state and what is derived from
+//! it; the laws are in `protocol`, what a step does in `step`, what a changed graph does in `adopt`.
+
+use super::config::{Config, Law, MeasurementFilter};
+use super::delay::{History, Signals};
+use super::error::ConfigError;
+use super::event::Event;
+use super::exchange::Exchange;
+use super::io::{Inputs, Outputs, Parameters};
+use super::limits::LimitTable;
+use super::network::Network;
+use super::state::{Adopted, Clock, State};
+use super::topology::{Topologies, Topology};
+use super::{adopt::Spectrum, config::Channel, discretisation::SignPower};
+
+/// A distributed finite-time consensus controller of n BESS.
+///
+/// A master sets [`inputs_mut`](Self::inputs_mut), calls [`refresh`](Self::refresh) to read what follows
+/// them at once, and [`step`](Self::step) to advance the setpoints. A clone, or a [`State`] put back,
+/// goes on bit-identically.
+#[derive(Clone, Debug)]
+pub struct Controller {
+    pub(super) state: State,
+    pub(super) fixed: Fixed,
+    pub(super) topologies: Topologies,
+    /// The topology in force, without its graph, which is in `network`.
+    pub(super) topology: Topology,
+    pub(super) network: Network,
+    pub(super) spectrum: Spectrum,
+    pub(super) scratch: Scratch,
+}
+
+/// What the configuration fixes and no parameter changes.
+#[derive(Clone, Debug)]
+pub(super) struct Fixed {
+    pub law: Law,
+    pub limits: LimitTable,
+    pub filter: MeasurementFilter,
+    pub channel: Channel,
+    pub no_circulation: bool,
+    pub lost_link_fade_s: Option<f64>,
+}
+
+/// Working arrays: written anew in every evaluation, so that a step allocates nothing.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Scratch {
+    pub signals: Signals,
+    pub filtered: Vec<f64>,
+    pub flows: Vec<f64>,
+    pub received_ns: Vec<i64>,
+    pub P_set: Vec<f64>,
+    /// Room to rise and to fall in P, then in Q.
+    pub room: [Vec<f64>; 4],
+}
+
+impl Controller {
+    /// A controller in its start state.
+    pub fn new(config: Config) -> Result<Self, ConfigError> {
+        config.validate()?;
+        let n = config.agents();
+        let topologies = Topologies::new(n, &config.communication);
+        let inputs = Inputs::start(&config);
+        let adopted = Adopted {
+            enable: inputs.enable,
+            available: inputs.available.clone(),
+            topology: 0,
+            asked: inputs.topology,
+        };
+        let state = State {
+            parameters: Parameters::start(&config),
+            outputs: Outputs::new(n),
+            adopted,
+            clock: Clock::default(),
+            history: History::new(n, 0),
+            filtered: Vec::new(),
+            flows: Vec::new(),
+            transfers: Vec::new(),
+            received_ns: Vec::new(),
+            held: Vec::new(),
+            inputs,
+        };
+        let topology = topologies.build(0, &state.adopted.available);
+        let fixed = Fixed {
+            law: config.law,
+            limits: LimitTable::new(n, &config.limits),
+            filter: config.measurement_filter,
+            channel: config.channel,
+            no_circulation: config.no_circulation,
+            lost_link_fade_s: config.lost_link_fade_s,
+        };
+        let scratch = Scratch {
+            signals: Signals::new(n),
+            filtered: vec![0.0; if fixed.filter == MeasurementFilter::default() { 0 } else { 5 * n }],
+            P_set: vec![0.0; n],
+            room: std::array::from_fn(|_| vec![1.0; n]),
+            ..Scratch::default()
+        };
+        let mut controller = Self {
+            state,
+            fixed,
+            topologies,
+            topology,
+            network: Network::default(),
+            spectrum: Spectrum::default(),
+            scratch,
+        };
+        controller.initialise();
+        Ok(controller)
+    }
+
+    /// Number of agents.
+    pub fn agents(&self) -> usize {
+        self.topology.live.len()
+    }
+
+    /// The inputs as set last.
+    pub fn inputs(&self) -> &Inputs {
+        &self.state.inputs
+    }
+
+    /// The inputs, to be set; the vectors keep their lengths, the values must be finite.
+    pub fn inputs_mut(&mut self) -> &mut Inputs {
+        &mut self.state.inputs
+    }
+
+    /// The parameters in force.
+    pub fn parameters(&self) -> &Parameters {
+        &self.state.parameters
+    }
+
+    /// The parameters, to be set within the ranges that [`Parameters::validate`] checks.
+    pub fn parameters_mut(&mut self) -> &mut Parameters {
+        &mut self.state.parameters
+    }
+
+    /// The outputs: setpoints of the last step, the rest as of the last refresh or step.
+    pub fn outputs(&self) -> &Outputs {
+        &self.state.outputs
+    }
+
+    /// The graph, the leaders and the live agents in force; its graph is [`Self::network`]'s.
+    pub fn topology(&self) -> &Topology {
+        &self.topology
+    }
+
+    /// The graph in force, prepared.
+    pub fn network(&self) -> &Network {
+        &self.network
+    }
+
+    /// All topologies, and how CAK found the clusters.
+    pub fn topologies(&self) -> &Topologies {
+        &self.topologies
+    }
+
+    /// The eigenvalues behind the certificates, as of the last refresh or step.
+    pub fn spectrum(&self) -> &Spectrum {
+        &self.spectrum
+    }
+
+    /// Takes over parameters and discrete inputs as they are and sets the setpoints to their starts; the
+    /// past is forgotten. Called when initialisation ends, followed by a [`Self::refresh`].
+    pub fn initialise(&mut self) {
+        let n = self.agents();
+        let State { inputs, parameters, outputs, adopted, .. } = &mut self.state;
+        outputs.omega_set.copy_from_slice(&parameters.omega_set_start);
+        outputs.V_set.copy_from_slice(&parameters.V_set_start);
+        outputs.P_set.fill(0.0);
+        outputs.Q_set.fill(0.0);
+        adopted.enable = inputs.enable;
+        adopted.available.copy_from_slice(&inputs.available);
+        adopted.asked = inputs.topology;
+        let chosen = usize::try_from(i64::from(inputs.topology) - 1);
+        adopted.topology = chosen.ok().filter(|&k| k < self.topologies.count()).unwrap_or(0);
+        self.state.clock = Clock::default();
+        self.state.filtered.clone_from(&self.scratch.filtered);
+        self.state.held.clear();
+        self.state.history = History::new(n, 0);
+        self.rebuild();
+        self.state.flows = vec![0.0; self.network.graph.edges().len()];
+        self.state.transfers = self.state.flows.clone();
+        self.state.received_ns = vec![i64::MIN; self.scratch.received_ns.len()];
+        self.refresh(&mut |_| {});
+    }
+
+    /// Brings the five inputs of the paper and the diagnostics in line with the inputs and parameters
+    /// set so far, with the step size of the last step. The setpoints stay. Where availability, topology
+    /// or parameters have changed, the graph and the eigenvalues are made anew here, and said so.
+    pub fn refresh(&mut self, events: &mut dyn FnMut(Event)) {
+        self.adopt(events);
+        let clock = self.state.clock;
+        self.evaluate(clock.now_ns, clock.step_ns);
+    }
+
+    /// Advances the setpoints by one step that begins at `start_ns` and lasts `duration_ns`, the inputs
+    /// being the measurements of its beginning. A step of no length changes nothing. Allocates nothing,
+    /// unless a graph or parameters changed that no refresh has seen.
+    pub fn step(&mut self, start_ns: i64, duration_ns: i64, events: &mut dyn FnMut(Event)) {
+        if duration_ns <= 0 {
+            return;
+        }
+        self.adopt(events);
+        self.evaluate(start_ns, duration_ns);
+        self.advance(start_ns, duration_ns);
+    }
+
+    /// The state, to be kept for a rollback.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Takes over a state of a controller made from the same configuration; on an error nothing changes.
+    pub fn set_state(&mut self, state: &State) -> Result<(), ConfigError> {
+        state.check(self.agents(), self.topologies.count(), self.scratch.filtered.len())?;
+        let before = self.clone();
+        self.state.clone_from(state);
+        self.rebuild();
+        let edges = self.network.graph.edges().len();
+        if let Err(error) = self.state.check_edges(edges, self.scratch.received_ns.len()) {
+            *self = before;
+            return Err(error);
+        }
+        self.tune();
+        Ok(())
+    }
+
+    pub(super) fn exchange_of<'a>(&'a self, power: SignPower, theta_s: f64, h_s: f64) -> Exchange<'a> {
+        let parameters = &self.state.parameters;
+        Exchange {
+            power,
+            gain: parameters.gain_E,
+            theta_s,
+            h_s,
+            capacity: &parameters.capacity,
+            P_max: &parameters.P_exchange_max,
+            K_P: &parameters.K_P,
+            limits: &self.fixed.limits,
+            no_circulation: self.fixed.no_circulation,
+        }
+    }
+}

@@ -1,0 +1,303 @@
+//! What an agent knows of another: the ring of past values by sample time, looked up at t - tau with
+//! linear interpolation, and the lossy channel of a link. Equation (34). Allocates only in `new`.
+
+use super::config::Channel;
+use super::time::nanoseconds;
+use serde::{Deserialize, Serialize};
+
+/// The quantities that agents tell their neighbours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// omega_i, pu.
+    Omega,
+    /// p_i = K_P_i (P_i - P_set_i), pu.
+    P,
+    /// V_i, pu.
+    V,
+    /// q_i = K_Q_i (Q_i - Q_set_i), pu.
+    Q,
+    /// E_i / C_i.
+    Soc,
+    /// The estimate of the mean voltage, pu.
+    MeanV,
+}
+
+/// Number of quantities.
+const QUANTITIES: usize = 6;
+/// The slot number of the present values, which are not in the ring yet.
+const PRESENT: u32 = u32::MAX;
+/// Upper bound of the stored values of all slots together; the number of slots follows from it.
+const VALUES: usize = 8_000_000;
+
+/// The present values of all agents, by quantity.
+#[derive(Clone, Debug, Default)]
+pub struct Signals(pub [Vec<f64>; QUANTITIES]);
+
+impl Signals {
+    /// Zeros for `n` agents.
+    pub fn new(n: usize) -> Self {
+        Self(std::array::from_fn(|_| vec![0.0; n]))
+    }
+
+    /// The values of one quantity.
+    pub fn of(&self, quantity: Quantity) -> &[f64] {
+        &self.0[quantity as usize]
+    }
+
+    /// The values of one quantity, to be written.
+    pub fn of_mut(&mut self, quantity: Quantity) -> &mut [f64] {
+        &mut self.0[quantity as usize]
+    }
+}
+
+/// Where between two samples a point in time lies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bracket {
+    before: u32,
+    after: u32,
+    fraction: f64,
+}
+
+impl Bracket {
+    /// The present.
+    pub const NOW: Self = Self { before: PRESENT, after: PRESENT, fraction: 0.0 };
+}
+
+/// Past samples of all quantities of all agents.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct History {
+    n: usize,
+    times: Vec<i64>,
+    values: Vec<f64>,
+    /// Slot of the oldest sample.
+    oldest: usize,
+    len: usize,
+    /// Samples closer than this are thinned out, so that the ring spans the horizon at any step size.
+    spacing_ns: i64,
+}
+
+impl History {
+    /// A ring for `n` agents that reaches back at least `horizon_ns`; without slots when that is zero.
+    pub fn new(n: usize, horizon_ns: i64) -> Self {
+        let mut history = Self { n, ..Self::default() };
+        history.reach(horizon_ns);
+        history
+    }
+
+    /// Number of slots of a ring in use for `n` agents: up to 1024, fewer for very many agents.
+    fn slots_for(n: usize) -> usize {
+        (VALUES / (QUANTITIES * n.max(1))).clamp(16, 1024)
+    }
+
+    /// Makes the ring reach back at least `horizon_ns`, keeping the samples there are; it allocates
+    /// the first time only.
+    pub fn reach(&mut self, horizon_ns: i64) {
+        if horizon_ns <= 0 {
+            return;
+        }
+        let slots = Self::slots_for(self.n);
+        if self.times.is_empty() {
+            self.times = vec![0; slots];
+            self.values = vec![0.0; slots * QUANTITIES * self.n];
+        }
+        // Two slots are the ends of the span, one is the newest sample, which thinning may move.
+        self.spacing_ns = horizon_ns / (slots as i64 - 3) + 1;
+    }
+
+    /// Whether the arrays fit `n` agents and each other, and all values are finite.
+    pub fn fits(&self, n: usize) -> bool {
+        let slots = self.times.len();
+        self.n == n
+            && (slots == 0 || slots == Self::slots_for(n))
+            && self.values.len() == slots * QUANTITIES * n
+            && self.len <= slots
+            && (self.oldest < slots || (slots == 0 && self.oldest == 0))
+            && self.spacing_ns >= 0
+            && self.values.iter().all(|x| x.is_finite())
+    }
+
+    /// Number of samples kept.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there is no sample.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    fn slot(&self, k: usize) -> usize {
+        (self.oldest + k) % self.times.len()
+    }
+
+    fn time(&self, k: usize) -> i64 {
+        self.times[self.slot(k)]
+    }
+
+    /// Adds the sample of `t_ns`. A later one that is there already comes from a run that was rolled
+    /// back, and goes.
+    pub fn push(&mut self, t_ns: i64, signals: &Signals) {
+        if self.times.is_empty() {
+            return;
+        }
+        while self.len > 0 && self.time(self.len - 1) >= t_ns {
+            self.len -= 1;
+        }
+        if self.len >= 2 && self.time(self.len - 1) - self.time(self.len - 2) < self.spacing_ns {
+            self.len -= 1;
+        }
+        if self.len == self.times.len() {
+            self.oldest = self.slot(1);
+            self.len -= 1;
+        }
+        let slot = self.slot(self.len);
+        self.len += 1;
+        self.times[slot] = t_ns;
+        for (q, values) in signals.0.iter().enumerate() {
+            let start = (slot * QUANTITIES + q) * self.n;
+            self.values[start..start + self.n].copy_from_slice(values);
+        }
+    }
+
+    /// Where time `t_ns` lies, the present being `now_ns`; before the first sample the first is held.
+    pub fn bracket(&self, now_ns: i64, t_ns: i64) -> Bracket {
+        if t_ns >= now_ns || self.len == 0 {
+            return Bracket::NOW;
+        }
+        let (mut low, mut high) = (0, self.len - 1);
+        if t_ns <= self.time(low) {
+            let slot = self.slot(low) as u32;
+            return Bracket { before: slot, after: slot, fraction: 0.0 };
+        }
+        let newest = self.time(high);
+        if t_ns >= newest {
+            let fraction = (t_ns - newest) as f64 / (now_ns - newest) as f64;
+            return Bracket { before: self.slot(high) as u32, after: PRESENT, fraction };
+        }
+        while high - low > 1 {
+            let middle = (low + high) / 2;
+            if self.time(middle) <= t_ns { low = middle } else { high = middle }
+        }
+        let (before, after) = (self.time(low), self.time(high));
+        let fraction = (t_ns - before) as f64 / (after - before) as f64;
+        Bracket { before: self.slot(low) as u32, after: self.slot(high) as u32, fraction }
+    }
+
+    fn stored(&self, slot: u32, quantity: Quantity, i: usize, present: &[f64]) -> f64 {
+        if slot == PRESENT {
+            present[i]
+        } else {
+            self.values[(slot as usize * QUANTITIES + quantity as usize) * self.n + i]
+        }
+    }
+
+    /// Agent `i`'s value at the bracketed time; `present` holds the quantity's present values.
+    pub fn value(&self, bracket: Bracket, quantity: Quantity, i: usize, present: &[f64]) -> f64 {
+        let before = self.stored(bracket.before, quantity, i, present);
+        if bracket.fraction == 0.0 {
+            return before;
+        }
+        let after = self.stored(bracket.after, quantity, i, present);
+        before + bracket.fraction * (after - before)
+    }
+}
+
+impl Channel {
+    /// Whether messages are anything but punctual.
+    pub fn is_lossy(&self) -> bool {
+        self.jitter_s > 0.0 || self.loss > 0.0
+    }
+
+    /// How far back a value may have to be looked up beyond the delay, ns. After a long loss it is the
+    /// oldest sample kept, at least one second old.
+    pub fn horizon_ns(&self) -> i64 {
+        nanoseconds(self.jitter_s) + if self.loss > 0.0 { 1_000_000_000 } else { 0 }
+    }
+
+    /// Time of the newest value that `to` has of `from` at sample number `sample`, when a punctual
+    /// message would be of `punctual_ns` and the last one received was of `last_ns`.
+    pub fn received(&self, from: u32, to: u32, sample: u64, punctual_ns: i64, last_ns: i64) -> i64 {
+        let draw = mix(self.seed
+            ^ mix(u64::from(from) << 32 | u64::from(to))
+            ^ mix(sample.wrapping_mul(2) | 1 << 63));
+        if unit(draw) < self.loss {
+            return last_ns;
+        }
+        let late = unit(mix(draw)) * self.jitter_s;
+        last_ns.max(punctual_ns - nanoseconds(late))
+    }
+}
+
+/// The finaliser of splitmix64 (Steele, Lea, Flood 2014), a bijection that scatters counters.
+fn mix(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+/// A number in [0, 1) from the upper 53 bits.
+fn unit(x: u64) -> f64 {
+    (x >> 11) as f64 / (1u64 << 53) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn look(history: &History, now_ns: i64, t_ns: i64, present: f64) -> f64 {
+        history.value(history.bracket(now_ns, t_ns), Quantity::V, 0, &[present])
+    }
+
+    fn signal(v: f64) -> Signals {
+        let mut signals = Signals::new(1);
+        signals.of_mut(Quantity::V)[0] = v;
+        signals
+    }
+
+    #[test]
+    fn a_straight_line_is_interpolated_exactly_and_held_before_its_start() {
+        let mut history = History::new(1, 500);
+        assert_eq!(look(&history, 0, -500, 7.0), 7.0);
+        for t in (0..5000).step_by(100) {
+            history.push(t, &signal(t as f64));
+        }
+        assert_eq!(look(&history, 5000, 4500, 5000.0), 4500.0);
+        assert_eq!(look(&history, 5000, 4550, 5000.0), 4550.0);
+        assert_eq!(look(&history, 5000, 4950, 5000.0), 4950.0, "between the newest sample and the present");
+        assert_eq!(look(&history, 5000, -50, 5000.0), 0.0);
+    }
+
+    #[test]
+    fn steps_far_finer_than_the_ring_still_reach_back_the_whole_delay() {
+        let mut history = History::new(1, 500_000_000);
+        for t in (0..2_000_000_000).step_by(10_000) {
+            history.push(t, &signal(t as f64));
+        }
+        assert!(history.len() <= 1024);
+        let found = look(&history, 2_000_000_000, 1_500_000_000, 2e9);
+        assert!((found - 1.5e9).abs() < 1.0, "{found}");
+    }
+
+    #[test]
+    fn a_rolled_back_run_leaves_nothing_behind() {
+        let mut history = History::new(1, 500);
+        for t in [0, 100, 200, 300] {
+            history.push(t, &signal(1.0));
+        }
+        history.push(200, &signal(5.0));
+        assert_eq!(history.len(), 3);
+        assert_eq!(look(&history, 300, 200, 9.0), 5.0);
+    }
+
+    #[test]
+    fn the_channel_loses_the_share_that_it_should() {
+        let channel = Channel { jitter_s: 0.0, loss: 0.3, seed: 7 };
+        let lost = (0..100_000).filter(|&k| channel.received(0, 1, k, 10, -1) == -1).count();
+        // Binomial with sigma 145.
+        assert!((lost as f64 - 30_000.0).abs() < 5.0 * 145.0, "{lost}");
+        let both = (0..100_000)
+            .filter(|&k| channel.received(0, 1, k, 10, -1) == -1 && channel.received(1, 0, k, 10, -1) == -1);
+        assert!((both.count() as f64 - 9_000.0).abs() < 5.0 * 91.0);
+    }
+}

@@ -1,0 +1,153 @@
+//! (11) as a physical action: power over the edges from the fuller battery to the emptier one, edge by
+//! edge equal and opposite, so that sum P_set = 0 whatever limits. Also the links that were lost.
+
+use super::delay::{History, Quantity, Signals};
+use super::discretisation::SignPower;
+use super::limits::LimitTable;
+use super::network::Network;
+use serde::{Deserialize, Serialize};
+
+/// Seconds per hour: energy is counted in pu*h.
+const SECONDS_PER_HOUR: f64 = 3600.0;
+
+/// What one evaluation of the exchange needs to know besides the state.
+#[derive(Clone, Copy)]
+pub struct Exchange<'a> {
+    /// s of the law.
+    pub power: SignPower,
+    /// g_E.
+    pub gain: f64,
+    /// max(h, theta_E), s; zero is the bare law.
+    pub theta_s: f64,
+    /// Step, s, for the ramps.
+    pub h_s: f64,
+    /// C_i, pu*h.
+    pub capacity: &'a [f64],
+    /// P_exchange_max_i, pu.
+    pub P_max: &'a [f64],
+    /// K_P_i, which turns p_i back into a power.
+    pub K_P: &'a [f64],
+    /// Limits of the BESS.
+    pub limits: &'a LimitTable,
+    /// Whether discharging must not become charging, nor charging discharging.
+    pub no_circulation: bool,
+}
+
+impl Exchange<'_> {
+    /// f_ij = sgn(d) min(3600 g_E w_ij s(d), 3600 min(C_i, C_j) abs(d) / (theta (1 + max(deg_i, deg_j)))),
+    /// d = SoC_i - SoC_j, pu, limited to min(P_exchange_max_i / deg_i, P_exchange_max_j / deg_j), both ends
+    /// at t - tau, with theta = max(h, theta_E, 2 tau). `flows` holds those of the last step and becomes
+    /// those of this one; `limited` is set for the agents whose limits bind.
+    pub fn flows(
+        &self,
+        network: &Network,
+        history: &History,
+        signals: &Signals,
+        last: &[f64],
+        flows: &mut [f64],
+        limited: &mut [bool],
+    ) {
+        for (e, edge) in network.graph.edges().iter().enumerate() {
+            let (a, b) = edge.ends();
+            let (soc_a, soc_b) = network.agreed(e, history, Quantity::Soc, signals.of(Quantity::Soc));
+            let (p_a, p_b) = network.agreed(e, history, Quantity::P, signals.of(Quantity::P));
+            let d = soc_a - soc_b;
+            let peers = |i: usize| f64::from(network.graph.peers(i));
+            let m = d.abs();
+            let law = SECONDS_PER_HOUR * self.gain * edge.weight * self.power.magnitude(m);
+            let theta =
+                if self.theta_s > 0.0 { self.theta_s.max(2e-9 * network.delays_ns[e] as f64) } else { 0.0 };
+            let least = self.capacity[a].min(self.capacity[b]);
+            let cap = SECONDS_PER_HOUR * least * m / (theta * (1.0 + peers(a).max(peers(b))));
+            let wanted = if d == 0.0 { 0.0 } else { law.min(cap) };
+            // The fuller end gives, the emptier takes.
+            let ((giver, p_giver, soc_giver), (taker, p_taker, soc_taker)) =
+                if d > 0.0 { ((a, p_a, soc_a), (b, p_b, soc_b)) } else { ((b, p_b, soc_b), (a, p_a, soc_a)) };
+            let give = self.most(giver, p_giver / self.K_P[giver], soc_giver, 1.0) / peers(giver);
+            let take = self.most(taker, p_taker / self.K_P[taker], soc_taker, -1.0) / peers(taker);
+            limited[giver] |= wanted > give;
+            limited[taker] |= wanted > take;
+            let flow = wanted.min(give).min(take).copysign(d);
+            let rate = (self.limits.P_set_rate[a] / peers(a)).min(self.limits.P_set_rate[b] / peers(b));
+            let step = rate * self.h_s;
+            flows[e] = if step.is_finite() { flow.min(last[e] + step).max(last[e] - step) } else { flow };
+        }
+    }
+
+    /// The most that agent `i` may give (`sign` 1) or take (-1), pu, beside its share `P` of the load.
+    fn most(&self, i: usize, P: f64, soc: f64, sign: f64) -> f64 {
+        let mut most = self.P_max[i];
+        if self.limits.power {
+            let (low, high) = self.limits.P_range(i, soc);
+            most = most.min(if sign > 0.0 { high - P } else { P - low }).max(0.0);
+        }
+        if self.no_circulation && P * sign < 0.0 {
+            most = most.min(P.abs());
+        }
+        most
+    }
+}
+
+/// P_set_i = sum_j f_ij + what lost links still carry, pu, for the agents for which `write` holds.
+pub fn setpoints(
+    network: &Network,
+    flows: &[f64],
+    held: &[HeldLink],
+    write: impl Fn(usize) -> bool,
+    P_set: &mut [f64],
+) {
+    for (i, P) in P_set.iter_mut().enumerate() {
+        if write(i) {
+            *P = 0.0;
+        }
+    }
+    let edges = network.graph.edges().iter().zip(flows).map(|(edge, &f)| (edge.ends(), f));
+    let held = held.iter().map(|link| ((link.a as usize, link.b as usize), link.flow));
+    for ((a, b), f) in edges.chain(held) {
+        for (i, f) in [(a, f), (b, -f)] {
+            if write(i) {
+                P_set[i] += f;
+            }
+        }
+    }
+}
+
+/// A link that was lost with an agent. Both ends keep its last flow, because an exchange needs two: the
+/// lost agent holds its P_set, the sum stays 0 and nothing jumps. When both are back, the law takes over.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HeldLink {
+    /// The lower end, from 0.
+    pub a: u32,
+    /// The higher end, from 0.
+    pub b: u32,
+    /// Power from `a` to `b`, pu.
+    pub flow: f64,
+}
+
+/// Carries values that belong to the edges of one graph over to another: edges in both keep theirs, new
+/// ones start with `fresh`. Both edge lists are sorted.
+pub fn carry_over<T: Copy>(from: &Network, to: &Network, per_edge: usize, values: &[T], fresh: T) -> Vec<T> {
+    if values.is_empty() {
+        return Vec::new();
+    }
+    let mut carried = vec![fresh; to.graph.edges().len() * per_edge];
+    for (new, edge) in to.graph.edges().iter().enumerate() {
+        if let Some(old) = from.graph.find(edge.a, edge.b) {
+            let (new, old) = (new * per_edge, old * per_edge);
+            carried[new..new + per_edge].copy_from_slice(&values[old..old + per_edge]);
+        }
+    }
+    carried
+}
+
+/// Brings the held links in line with who is live now: links between two live agents are released, flows
+/// of edges that ended with an agent's leaving are taken up.
+pub fn hold(held: &mut Vec<HeldLink>, before: &Network, flows: &[f64], live: &[bool]) {
+    let lost = |a: u32, b: u32| !live[a as usize] || !live[b as usize];
+    held.retain(|link| lost(link.a, link.b));
+    for (edge, &flow) in before.graph.edges().iter().zip(flows) {
+        if lost(edge.a, edge.b) && flow != 0.0 {
+            held.push(HeldLink { a: edge.a, b: edge.b, flow });
+        }
+    }
+}

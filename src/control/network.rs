@@ -1,0 +1,152 @@
+//! A graph made ready for the hot path: the shares of the caps, the pins as a list, and for every link
+//! the time of what its ends know of each other. The kernel of all protocols sums flows over it.
+
+use super::config::Channel;
+use super::delay::{Bracket, History, Quantity};
+use super::discretisation::Flow;
+use super::graph::Graph;
+
+/// A pin to the virtual leader.
+#[derive(Clone, Copy, Debug)]
+pub struct Pin {
+    /// The agent, from 0.
+    pub agent: usize,
+    /// a_0i.
+    pub weight: f64,
+    /// 1 / (1 + deg_i).
+    pub share: f64,
+}
+
+/// The graph in force, prepared.
+#[derive(Clone, Debug, Default)]
+pub struct Network {
+    /// The graph itself.
+    pub graph: Graph,
+    /// The pins.
+    pub pins: Vec<Pin>,
+    /// 1 / (1 + max(deg_i, deg_j)) of each edge.
+    pub shares: Vec<f64>,
+    /// tau of each edge, ns.
+    pub delays_ns: Vec<i64>,
+    /// For each edge, when what `a` knows of `b`, and `b` of `a`, was true. Empty while all is present.
+    known: Vec<[Bracket; 2]>,
+    /// The same at both ends: the older of the two.
+    agreed: Vec<Bracket>,
+}
+
+/// Which end of an edge listens.
+const ENDS: [usize; 2] = [0, 1];
+
+impl Network {
+    /// Prepares a graph.
+    pub fn new(graph: Graph) -> Self {
+        let share = |degree: u32| 1.0 / (1.0 + f64::from(degree));
+        let shares =
+            graph.edges().iter().map(|e| share(graph.degree(e.a as usize).max(graph.degree(e.b as usize))));
+        let pins = graph.pins().iter().enumerate().filter(|&(_, &weight)| weight > 0.0);
+        let pins = pins.map(|(agent, &weight)| Pin { agent, weight, share: share(graph.degree(agent)) });
+        let (shares, pins) = (shares.collect(), pins.collect());
+        let delays_ns = vec![0; graph.edges().len()];
+        Self { graph, pins, shares, delays_ns, known: Vec::new(), agreed: Vec::new() }
+    }
+
+    /// Sets the delay of the edges that have none of their own, and makes room for what they need.
+    pub fn set_delay(&mut self, common_ns: i64, channel: &Channel) {
+        for (delay, edge) in self.delays_ns.iter_mut().zip(self.graph.edges()) {
+            *delay = edge.delay_ns.unwrap_or(common_ns);
+        }
+        let edges = if self.longest_delay_ns() > 0 || channel.is_lossy() { self.delays_ns.len() } else { 0 };
+        self.known = vec![[Bracket::NOW; 2]; edges];
+        self.agreed = vec![Bracket::NOW; edges];
+    }
+
+    /// The longest delay, ns.
+    pub fn longest_delay_ns(&self) -> i64 {
+        self.delays_ns.iter().copied().max().unwrap_or(0)
+    }
+
+    /// Finds out what the agents know of each other at `now_ns`, sample number `sample`. With a lossy
+    /// channel `last_ns` are the times of the last messages, two per edge, and `next_ns` becomes theirs now.
+    pub fn listen(
+        &mut self,
+        history: &History,
+        (now_ns, sample): (i64, u64),
+        channel: &Channel,
+        last_ns: &[i64],
+        next_ns: &mut [i64],
+    ) {
+        for e in 0..self.known.len() {
+            let punctual = now_ns - self.delays_ns[e];
+            let mut times = [punctual; 2];
+            if channel.is_lossy() {
+                let edge = self.graph.edges()[e];
+                for (end, (from, to)) in ENDS.into_iter().zip([(edge.b, edge.a), (edge.a, edge.b)]) {
+                    times[end] = channel.received(from, to, sample, punctual, last_ns[2 * e + end]);
+                    next_ns[2 * e + end] = times[end];
+                }
+            }
+            self.known[e] = times.map(|t| history.bracket(now_ns, t));
+            self.agreed[e] = history.bracket(now_ns, times[0].min(times[1]));
+        }
+    }
+
+    /// out_i -= sum_j f(x_i - x_j): the sum of all protocols. The neighbour's value is delayed, one's own
+    /// is not (34). An edge on which nothing is delayed is visited once: f_ij = -f_ji to the last bit.
+    pub fn diffuse(
+        &self,
+        history: &History,
+        (quantity, x): (Quantity, &[f64]),
+        flow: &Flow,
+        room: Option<Room<'_>>,
+        out: &mut [f64],
+    ) {
+        for (e, edge) in self.graph.edges().iter().enumerate() {
+            let (a, b) = edge.ends();
+            let known = self.known.get(e).copied().unwrap_or([Bracket::NOW; 2]);
+            let along = |d: f64| {
+                let f = flow.along(edge.weight, d, self.shares[e]);
+                room.map_or(f, |room| f * room.along(a, b, f))
+            };
+            if known == [Bracket::NOW; 2] {
+                let f = along(x[a] - x[b]);
+                out[a] -= f;
+                out[b] += f;
+            } else {
+                out[a] -= along(x[a] - history.value(known[0], quantity, b, x));
+                out[b] += along(history.value(known[1], quantity, a, x) - x[b]);
+            }
+        }
+    }
+
+    /// out_i -= a_0i s(x_i - reference) at the pinned agents, capped alike.
+    pub fn pull(&self, x: &[f64], reference: f64, flow: &Flow, out: &mut [f64]) {
+        for pin in &self.pins {
+            out[pin.agent] -= flow.along(pin.weight, x[pin.agent] - reference, pin.share);
+        }
+    }
+
+    /// The values at the two ends of edge `e` at the time that both know of: the differences of a
+    /// physical exchange must be the same at both ends.
+    pub fn agreed(&self, e: usize, history: &History, quantity: Quantity, x: &[f64]) -> (f64, f64) {
+        let (a, b) = self.graph.edges()[e].ends();
+        match self.agreed.get(e) {
+            None => (x[a], x[b]),
+            Some(&at) => (history.value(at, quantity, a, x), history.value(at, quantity, b, x)),
+        }
+    }
+}
+
+/// How much of a flow each agent may still take part in, from 1 (free) to 0 (at its limit).
+#[derive(Clone, Copy, Debug)]
+pub struct Room<'a> {
+    /// Room to rise, by agent.
+    pub up: &'a [f64],
+    /// Room to fall, by agent.
+    pub down: &'a [f64],
+}
+
+impl Room<'_> {
+    fn along(&self, a: usize, b: usize, f: f64) -> f64 {
+        if f > 0.0 { self.down[a].min(self.up[b]) } else { self.up[a].min(self.down[b]) }
+    }
+}

@@ -1,0 +1,145 @@
+//! Everything that inputs, parameters and steps change: what a rollback must bring back. Checked before it
+//! is taken over, because it may come from another process.
+
+use super::delay::History;
+use super::error::{ConfigError, Problems};
+use super::exchange::HeldLink;
+use super::io::{Inputs, Outputs, Parameters};
+use serde::{Deserialize, Serialize};
+
+/// The state of a controller; made and read by [`super::Controller`] only.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    pub(super) inputs: Inputs,
+    pub(super) parameters: Parameters,
+    pub(super) outputs: Outputs,
+    /// The inputs that the graph in force was built for.
+    pub(super) adopted: Adopted,
+    pub(super) clock: Clock,
+    pub(super) history: History,
+    /// Filtered omega, p, V, q, SoC of the last sample; empty without filters.
+    pub(super) filtered: Vec<f64>,
+    /// f_ij of the last step, by edge.
+    pub(super) flows: Vec<f64>,
+    /// z_ij of the estimator, by edge.
+    pub(super) transfers: Vec<f64>,
+    /// Times of the last messages, two per edge; empty while no message is late or lost.
+    pub(super) received_ns: Vec<i64>,
+    pub(super) held: Vec<HeldLink>,
+}
+
+/// The discrete inputs that are in force.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Adopted {
+    pub enable: bool,
+    pub available: Vec<bool>,
+    /// From 0.
+    pub topology: usize,
+    /// The number asked for when it was last looked at.
+    pub asked: i32,
+}
+
+/// Where the controller is in time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Clock {
+    /// End of the last step, ns.
+    pub now_ns: i64,
+    /// Time of the last sample, the beginning of the last step, ns.
+    pub sampled_ns: i64,
+    /// Length of the last step, ns; 0 before the first.
+    pub step_ns: i64,
+    /// Number of samples taken.
+    pub samples: u64,
+}
+
+impl State {
+    /// Whether this state fits a controller of `n` agents with `topologies` topologies and `filtered`
+    /// filter values, all finite. The numbers per edge are checked against the graph by the controller.
+    pub(super) fn check(&self, n: usize, topologies: usize, filtered: usize) -> Result<(), ConfigError> {
+        let mut problems = Problems::default();
+        self.parameters.check(n, &mut problems);
+        let (inputs, outputs) = (&self.inputs, &self.outputs);
+        for (path, values) in [
+            ("inputs.P", &inputs.P),
+            ("inputs.Q", &inputs.Q),
+            ("inputs.V", &inputs.V),
+            ("inputs.omega", &inputs.omega),
+            ("inputs.E", &inputs.E),
+            ("outputs.omega_set", &outputs.omega_set),
+            ("outputs.V_set", &outputs.V_set),
+            ("outputs.P_set", &outputs.P_set),
+            ("outputs.Q_set", &outputs.Q_set),
+            ("outputs.u_omega", &outputs.u_omega),
+            ("outputs.u_P", &outputs.u_P),
+            ("outputs.u_E", &outputs.u_E),
+            ("outputs.u_V", &outputs.u_V),
+            ("outputs.u_Q", &outputs.u_Q),
+        ] {
+            finite(&mut problems, path, values, n);
+        }
+        let diagnostics =
+            [outputs.spread_P, outputs.spread_Q, outputs.spread_E, outputs.error_omega, outputs.error_V];
+        finite(&mut problems, "outputs.spread_P, spread_Q, spread_E, error_omega, error_V", &diagnostics, 5);
+        for (path, x) in [("lambda_2", outputs.lambda_2), ("T_P", outputs.T_P), ("T_omega", outputs.T_omega)]
+        {
+            if x.is_nan() {
+                problems.add(format!("outputs.{path}"), x, "a number");
+            }
+        }
+        let scalars = [inputs.omega_ref, inputs.V_ref, inputs.P_ref];
+        finite(&mut problems, "inputs.omega_ref, V_ref, P_ref", &scalars, 3);
+        for (path, found) in [
+            ("inputs.available", inputs.available.len()),
+            ("adopted.available", self.adopted.available.len()),
+            ("outputs.cluster", outputs.cluster.len()),
+            ("outputs.saturated", outputs.saturated.len()),
+        ] {
+            length(&mut problems, path, found, n);
+        }
+        finite(&mut problems, "filtered", &self.filtered, filtered);
+        finite(&mut problems, "flows", &self.flows, self.flows.len());
+        finite(&mut problems, "transfers", &self.transfers, self.transfers.len());
+        if self.adopted.topology >= topologies {
+            problems.add("adopted.topology", self.adopted.topology, format!("below {topologies}"));
+        }
+        if self.clock.step_ns < 0 {
+            problems.add("clock.step_ns", self.clock.step_ns, "not negative");
+        }
+        if !self.history.fits(n) {
+            problems.add("history", "arrays that do not fit", format!("finite samples of {n} agents"));
+        }
+        for (k, link) in self.held.iter().enumerate() {
+            let fits = link.a < link.b && (link.b as usize) < n && link.flow.is_finite();
+            if !fits {
+                problems.add(format!("held[{k}]"), format!("{link:?}"), format!("a link among {n} agents"));
+            }
+        }
+        problems.into_result()
+    }
+
+    /// Whether the numbers per edge fit a graph with `edges` edges.
+    pub(super) fn check_edges(&self, edges: usize, received: usize) -> Result<(), ConfigError> {
+        let mut problems = Problems::default();
+        length(&mut problems, "flows", self.flows.len(), edges);
+        length(&mut problems, "transfers", self.transfers.len(), edges);
+        length(&mut problems, "received_ns", self.received_ns.len(), received);
+        problems.into_result()
+    }
+}
+
+fn length(problems: &mut Problems, path: &str, found: usize, expected: usize) {
+    if found != expected {
+        problems.add(
+            path,
+            format!("{found} values"),
+            format!("{expected}: the state of the same controller"),
+        );
+    }
+}
+
+fn finite(problems: &mut Problems, path: &str, values: &[f64], expected: usize) {
+    length(problems, path, values.len(), expected);
+    if let Some((i, x)) = values.iter().enumerate().find(|(_, x)| !x.is_finite()) {
+        problems.add(format!("{path}[{i}]"), x, "a finite number");
+    }
+}
