@@ -58,8 +58,7 @@ impl Model for Controller {
     }
 
     fn variables(&self) -> Vec<Group<Self>> {
-        let config = self.controller.config();
-        variables::variables(config.agents(), config.communication.topology_count())
+        variables::variables(self.controller.agents(), self.controller.topologies().count())
     }
 
     fn state(&self) -> &control::State {
@@ -74,18 +73,22 @@ impl Model for Controller {
         if phase == Phase::Initialization {
             self.controller.initialise();
         }
-        self.controller.refresh(&mut |event| log.log(LogLevel::Warning, format_args!("{event}")));
+        self.controller.refresh(&mut |event| report(event, log));
         Ok(())
     }
 
     fn step(&mut self, step: Step, log: &mut dyn Log) -> Result<(), ModelError> {
-        self.controller.step(step.start_ns, step.duration_ns, &mut |event| {
-            log.log(LogLevel::Warning, format_args!("{event}"));
-        });
+        self.controller.step(step.start_ns, step.duration_ns, &mut |event| report(event, log));
         Ok(())
     }
 
     fn default_experiment(&self) -> (f64, f64) {
         self.experiment
     }
+}
+
+/// Hands an event of the graph to the importer's log.
+fn report(event: control::Event, log: &mut dyn Log) {
+    let level = if event.is_warning() { LogLevel::Warning } else { LogLevel::Event };
+    log.log(level, format_args!("{event}"));
 }

@@ -165,38 +165,38 @@ fn tunable_parameters() -> Vec<Group<Controller>> {
             m.parameters().eta
         }, |m, _, v| m.parameters_mut().eta = v)
         .range(Range { min: 0.0, min_excluded: true, max: 1.0 }),
-        parameter("gain_omega", "Gain of u_omega", |m, _| m.parameters().gains.omega, |m, _, v| {
-            m.parameters_mut().gains.omega = v;
+        parameter("gain_omega", "Gain of u_omega", |m, _| m.parameters().gain_omega, |m, _, v| {
+            m.parameters_mut().gain_omega = v;
         })
         .range(gain),
-        parameter("gain_P", "Gain of u_P", |m, _| m.parameters().gains.P, |m, _, v| {
-            m.parameters_mut().gains.P = v;
+        parameter("gain_P", "Gain of u_P", |m, _| m.parameters().gain_P, |m, _, v| {
+            m.parameters_mut().gain_P = v;
         })
         .range(gain),
-        parameter("gain_E", "Gain of the energy exchange", |m, _| m.parameters().gains.E, |m, _, v| {
-            m.parameters_mut().gains.E = v;
+        parameter("gain_E", "Gain of the energy exchange", |m, _| m.parameters().gain_E, |m, _, v| {
+            m.parameters_mut().gain_E = v;
         })
         .range(gain),
-        parameter("gain_V", "Gain of u_V", |m, _| m.parameters().gains.V, |m, _, v| {
-            m.parameters_mut().gains.V = v;
+        parameter("gain_V", "Gain of u_V", |m, _| m.parameters().gain_V, |m, _, v| {
+            m.parameters_mut().gain_V = v;
         })
         .range(gain),
-        parameter("gain_Q", "Gain of u_Q", |m, _| m.parameters().gains.Q, |m, _, v| {
-            m.parameters_mut().gains.Q = v;
+        parameter("gain_Q", "Gain of u_Q", |m, _| m.parameters().gain_Q, |m, _, v| {
+            m.parameters_mut().gain_Q = v;
         })
         .range(gain),
         parameter("delay", "Communication delay of every edge without one of its own", |m, _| {
-            m.parameters().delay_s
-        }, |m, _, v| m.parameters_mut().delay_s = v)
+            m.parameters().delay
+        }, |m, _, v| m.parameters_mut().delay = v)
         .unit(Unit::Second)
         .range(gain),
-        parameter("theta_min", "Least width of the boundary layer", |m, _| m.parameters().theta_min_s, |m, _, v| {
-            m.parameters_mut().theta_min_s = v;
+        parameter("theta_min", "Least width of the boundary layer", |m, _| m.parameters().theta_min, |m, _, v| {
+            m.parameters_mut().theta_min = v;
         })
         .unit(Unit::Second)
         .range(gain),
-        parameter("theta_E", "Boundary layer of the energy exchange", |m, _| m.parameters().theta_E_s, |m, _, v| {
-            m.parameters_mut().theta_E_s = v;
+        parameter("theta_E", "Boundary layer of the energy exchange", |m, _| m.parameters().theta_E, |m, _, v| {
+            m.parameters_mut().theta_E = v;
         })
         .unit(Unit::Second)
         .range(gain),

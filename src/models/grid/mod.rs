@@ -28,7 +28,7 @@ impl Grid {
 
     /// The model of this configuration, in its start state.
     pub fn new(resource: Resource<Config>) -> Result<Self, ModelError> {
-        let grid = GridModel::new(resource.config).map_err(|e| ModelError::new(e.to_string()))?;
+        let grid = GridModel::new(&resource.config).map_err(|e| ModelError::new(e.to_string()))?;
         Ok(Self { experiment: (resource.stop_s, resource.step_s), grid })
     }
 }
@@ -57,7 +57,7 @@ impl Model for Grid {
     }
 
     fn variables(&self) -> Vec<Group<Self>> {
-        variables::variables(self.grid.agents(), self.grid.buses())
+        variables::variables(self.grid.n(), self.grid.n_bus())
     }
 
     fn state(&self) -> &State {

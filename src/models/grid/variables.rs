@@ -60,31 +60,31 @@ fn inputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
 fn outputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
     let network = || Dependencies::All(&["V_set", "Q_set", "dP_load", "dQ_load", "tie_closed"]);
     vec![
-        output("P", "Measured active power", |m: &Grid, i| m.outputs().P[i]).each(n).unit(Unit::PerUnit),
-        output("Q", "Measured reactive power, inductive positive", |m, i| m.outputs().Q[i])
+        output("P", "Measured active power", |m: &Grid, i| m.P(i)).each(n).unit(Unit::PerUnit),
+        output("Q", "Measured reactive power, inductive positive", |m, i| m.Q(i))
             .each(n)
             .unit(Unit::PerUnit),
-        output("V", "Voltage of the inverter", |m, i| m.outputs().V[i])
+        output("V", "Voltage of the inverter", |m, i| m.V(i))
             .each(n)
             .unit(Unit::PerUnit)
             .follows(Dependencies::SameIndex(&["V_set", "Q_set"])),
-        output("omega", "Frequency of the inverter", |m, i| m.outputs().omega[i])
+        output("omega", "Frequency of the inverter", |m, i| m.omega(i))
             .each(n)
             .unit(Unit::PerUnit)
             .follows(Dependencies::SameIndex(&["omega_set", "P_set"])),
-        output("E", "Stored energy", |m, i| m.outputs().E[i]).each(n).unit(Unit::PerUnitHour),
-        output("bus_V", "Voltage magnitude, by position of the bus", |m, b| m.outputs().bus_V[b])
+        output("E", "Stored energy", |m, i| m.E(i)).each(n).unit(Unit::PerUnitHour),
+        output("bus_V", "Voltage magnitude, by position of the bus", |m, b| m.bus_V(b))
             .each(buses)
             .unit(Unit::PerUnit)
             .follows(network()),
-        output("bus_angle", "Voltage angle, by position of the bus", |m, b| m.outputs().bus_angle[b])
+        output("bus_angle", "Voltage angle, by position of the bus", |m, b| m.bus_angle(b))
             .each(buses)
             .unit(Unit::Radian)
             .follows(network()),
-        output("tie_P", "Active power from the main grid", |m, _| m.outputs().tie_P)
+        output("tie_P", "Active power from the main grid", |m, _| m.tie_P())
             .unit(Unit::PerUnit)
             .follows(network()),
-        output("tie_Q", "Reactive power from the main grid", |m, _| m.outputs().tie_Q)
+        output("tie_Q", "Reactive power from the main grid", |m, _| m.tie_Q())
             .unit(Unit::PerUnit)
             .follows(network()),
     ]
@@ -93,30 +93,30 @@ fn outputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
 fn parameters(n: usize) -> Vec<Group<Grid>> {
     vec![
         parameter("E_start", "Stored energy at the start", |m: &Grid, i| m.parameters().E_start[i], |m, i, v| {
-            m.parameters_mut().E_start[i] = v;
+            m.parameters_to_set().E_start[i] = v;
         })
         .each(n)
         .unit(Unit::PerUnitHour),
         parameter("K_P", "Active power droop", |m, i| m.parameters().K_P[i], |m, i, v| {
-            m.parameters_mut().K_P[i] = v;
+            m.parameters_to_set().K_P[i] = v;
         })
         .each(n)
         .unit(Unit::PerUnit)
         .range(Range::POSITIVE),
         parameter("K_Q", "Reactive power droop", |m, i| m.parameters().K_Q[i], |m, i, v| {
-            m.parameters_mut().K_Q[i] = v;
+            m.parameters_to_set().K_Q[i] = v;
         })
         .each(n)
         .unit(Unit::PerUnit)
         .range(Range::POSITIVE),
         parameter("X_c", "Coupling reactance", |m, i| m.parameters().X_c[i], |m, i, v| {
-            m.parameters_mut().X_c[i] = v;
+            m.parameters_to_set().X_c[i] = v;
         })
         .each(n)
         .unit(Unit::PerUnit)
         .range(Range::POSITIVE),
         parameter("omega_c", "Cutoff frequency of the power measurement", |m, _| m.parameters().omega_c, |m, _, v| {
-            m.parameters_mut().omega_c = v;
+            m.parameters_to_set().omega_c = v;
         })
         .unit(Unit::RadianPerSecond)
         .range(Range::POSITIVE),
