@@ -20,4 +20,5 @@ pub mod control;
 pub mod fmi;
 #[cfg(feature = "grid")]
 pub mod grid;
-
+#[cfg(feature = "host")]
+pub mod harness;
