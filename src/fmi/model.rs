@@ -15,6 +15,10 @@ pub trait Model: Clone + Send + 'static {
     /// One sentence for the model description.
     const DESCRIPTION: &'static str;
 
+    /// Whether outputs follow all inputs at the end of initialisation, even those that are states or
+    /// sampled afterwards: the model starts from a steady state that it solves for.
+    const INITIAL_STATE_FOLLOWS_INPUTS: bool = false;
+
     /// Everything that inputs, parameters and steps change; not what `load` read.
     type State: Clone + Serialize + DeserializeOwned;
 

@@ -2,6 +2,8 @@
 //! the GUID all read the same list. A group is `name` when scalar and `name[1]` .. `name[count]` when
 //! not; the value reference of a variable is its 1-based position over all groups.
 
+use std::fmt;
+
 /// One quantity: a scalar, or one variable per agent, bus, ...
 pub struct Group<M> {
     /// The quantity, a C identifier: `omega_set`.
@@ -76,6 +78,26 @@ impl Range {
     pub const POSITIVE: Range = Range { min: 0.0, min_excluded: true, max: f64::INFINITY };
     /// Zero or greater.
     pub const NOT_NEGATIVE: Range = Range { min: 0.0, min_excluded: false, max: f64::INFINITY };
+
+    /// Whether a value is accepted: finite and within the bounds.
+    #[inline]
+    pub fn contains(&self, value: f64) -> bool {
+        let above = if self.min_excluded { value > self.min } else { value >= self.min };
+        above && value <= self.max && value.is_finite()
+    }
+}
+
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a finite value")?;
+        if self.min > f64::NEG_INFINITY {
+            write!(f, " {} {}", if self.min_excluded { ">" } else { ">=" }, self.min)?;
+        }
+        if self.max < f64::INFINITY {
+            write!(f, "{} <= {}", if self.min > f64::NEG_INFINITY { " and" } else { "" }, self.max)?;
+        }
+        Ok(())
+    }
 }
 
 /// Units of the interface; each is written with its SI base units into the model description.
@@ -93,6 +115,42 @@ pub enum Unit {
     Radian,
     /// Radian per second.
     RadianPerSecond,
+}
+
+impl Unit {
+    /// All units.
+    pub const ALL: [Unit; 6] = [
+        Unit::PerUnit,
+        Unit::PerUnitHour,
+        Unit::PerUnitPerSecond,
+        Unit::Second,
+        Unit::Radian,
+        Unit::RadianPerSecond,
+    ];
+
+    /// Its name in the model description.
+    pub fn name(self) -> &'static str {
+        match self {
+            Unit::PerUnit => "pu",
+            Unit::PerUnitHour => "pu.h",
+            Unit::PerUnitPerSecond => "pu/s",
+            Unit::Second => "s",
+            Unit::Radian => "rad",
+            Unit::RadianPerSecond => "rad/s",
+        }
+    }
+
+    /// Attributes of its `BaseUnit`: exponents of the SI base units and the factor to them.
+    pub(super) fn base_attributes(self) -> &'static str {
+        match self {
+            Unit::PerUnit => "",
+            Unit::PerUnitHour => r#" s="1" factor="3600.0""#,
+            Unit::PerUnitPerSecond => r#" s="-1""#,
+            Unit::Second => r#" s="1""#,
+            Unit::Radian => r#" rad="1""#,
+            Unit::RadianPerSecond => r#" s="-1" rad="1""#,
+        }
+    }
 }
 
 /// The inputs that an output follows within a step (`ModelStructure/Outputs/dependencies`).

@@ -1,0 +1,134 @@
+//! FMU states: deep copies, and bytes that are valid in any process and instance of the same FMU.
+//!
+//! Layout of the bytes, little-endian: magic (8), format version (4), GUID (16), payload length (8),
+//! FNV-1a 64 checksum of all of the foregoing and the payload (8), payload (postcard).
+
+use super::call_order::State;
+use super::guid::Guid;
+use super::model::Model;
+use serde::{Deserialize, Serialize};
+
+const MAGIC: &[u8; 8] = b"FMI2STAT";
+const FORMAT_VERSION: u32 = 1;
+const HEADER: usize = 44;
+
+/// What the shell itself keeps about an instance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Life {
+    pub state: State,
+    /// Counted communication time, ns.
+    pub time_ns: i64,
+    /// Whether fmi2ExitInitializationMode has been passed.
+    pub initialized: bool,
+    /// Whether something has been set since outputs were last brought in line.
+    pub stale: bool,
+}
+
+/// A deep copy of an instance's state.
+pub struct Snapshot<M: Model> {
+    pub(super) guid: Guid,
+    pub(super) life: Life,
+    pub(super) state: M::State,
+}
+
+impl<M: Model> Clone for Snapshot<M> {
+    fn clone(&self) -> Self {
+        Self { guid: self.guid, life: self.life, state: self.state.clone() }
+    }
+}
+
+/// Why bytes are not a state of this FMU.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum FormatError {
+    #[error("serialized state of {found} bytes is truncated; expected {expected} bytes")]
+    Truncated { found: usize, expected: usize },
+    #[error("these bytes are no FMU state: they do not begin with \"FMI2STAT\"")]
+    Magic,
+    #[error("serialized state has format version {found}; expected {FORMAT_VERSION}")]
+    Version { found: u32 },
+    #[error("serialized state belongs to the FMU with GUID {found}; expected {expected}")]
+    OtherFmu { found: String, expected: String },
+    #[error("serialized state is damaged: its checksum does not fit")]
+    Checksum,
+    #[error("serialized state cannot be read: {0}")]
+    Payload(String),
+    #[error("room for {found} bytes; expected at least {expected}, as fmi2SerializedFMUstateSize says")]
+    Room { found: usize, expected: usize },
+}
+
+impl<M: Model> Snapshot<M> {
+    /// Number of bytes that [`Snapshot::serialize_into`] writes.
+    pub fn serialized_size(&self) -> Result<usize, FormatError> {
+        let size = postcard::ser_flavors::Size::default();
+        let payload = postcard::serialize_with_flavor(&(&self.life, &self.state), size).map_err(payload)?;
+        Ok(HEADER + payload)
+    }
+
+    /// Writes the state to the front of `out` and returns the number of bytes. A `out` that is too
+    /// short is refused.
+    pub fn serialize_into(&self, out: &mut [u8]) -> Result<usize, FormatError> {
+        let (expected, found) = (self.serialized_size()?, out.len());
+        let (header, rest) = out.split_at_mut_checked(HEADER).ok_or(FormatError::Room { found, expected })?;
+        let (front, checksum_field) = header.split_at_mut(HEADER - 8);
+        let body = rest.get_mut(..expected - HEADER).ok_or(FormatError::Room { found, expected })?;
+        let body = postcard::to_slice(&(&self.life, &self.state), body).map_err(payload)?;
+        let fields: [&[u8]; 4] =
+            [MAGIC, &FORMAT_VERSION.to_le_bytes(), &self.guid.0, &(body.len() as u64).to_le_bytes()];
+        for (place, byte) in front.iter_mut().zip(fields.into_iter().flatten()) {
+            *place = *byte;
+        }
+        checksum_field.copy_from_slice(&checksum(front, body).to_le_bytes());
+        Ok(expected)
+    }
+
+    /// The state as bytes.
+    pub fn serialize(&self) -> Result<Vec<u8>, FormatError> {
+        let mut bytes = vec![0; self.serialized_size()?];
+        self.serialize_into(&mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// Reads bytes of the FMU with this GUID; bytes behind the state are ignored.
+    pub(super) fn deserialize(bytes: &[u8], guid: Guid) -> Result<Self, FormatError> {
+        let truncated = |expected| FormatError::Truncated { found: bytes.len(), expected };
+        let (magic, rest) = bytes.split_first_chunk::<8>().ok_or(truncated(HEADER))?;
+        if magic != MAGIC {
+            return Err(FormatError::Magic);
+        }
+        let (version, rest) = rest.split_first_chunk::<4>().ok_or(truncated(HEADER))?;
+        let found = u32::from_le_bytes(*version);
+        if found != FORMAT_VERSION {
+            return Err(FormatError::Version { found });
+        }
+        let (id, rest) = rest.split_first_chunk::<16>().ok_or(truncated(HEADER))?;
+        if *id != guid.0 {
+            let (found, expected) = (Guid(*id).to_string(), guid.to_string());
+            return Err(FormatError::OtherFmu { found, expected });
+        }
+        let (length, rest) = rest.split_first_chunk::<8>().ok_or(truncated(HEADER))?;
+        let (sum, rest) = rest.split_first_chunk::<8>().ok_or(truncated(HEADER))?;
+        let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+        let body = rest.get(..length).ok_or(truncated(HEADER.saturating_add(length)))?;
+        let front = bytes.get(..HEADER - 8).ok_or(truncated(HEADER))?;
+        if checksum(front, body) != u64::from_le_bytes(*sum) {
+            return Err(FormatError::Checksum);
+        }
+        let ((life, state), left): ((Life, M::State), _) =
+            postcard::take_from_bytes(body).map_err(payload)?;
+        if !left.is_empty() || life.state == State::Fatal {
+            return Err(FormatError::Payload("its contents contradict themselves".to_owned()));
+        }
+        Ok(Self { guid, life, state })
+    }
+}
+
+fn payload(error: postcard::Error) -> FormatError {
+    FormatError::Payload(error.to_string())
+}
+
+/// FNV-1a, 64 bits; it notices every change of a single byte.
+fn checksum(front: &[u8], body: &[u8]) -> u64 {
+    let step = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+    front.iter().chain(body).fold(0xcbf2_9ce4_8422_2325, step)
+}

@@ -1,0 +1,225 @@
+//! Getting and setting values: the whole array is checked before the first value moves. Nothing here
+//! allocates unless a call is refused.
+
+use super::call_order::{Function, State};
+use super::error::Error;
+use super::instance::Instance;
+use super::lookup::Type;
+use super::model::Model;
+use super::registry::{Access, Causality, Group, Variability};
+
+impl<M: Model> Instance<M> {
+    /// fmi2GetReal.
+    pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), Error> {
+        self.prepare_get(Function::GetReal, Type::Real, references, values.len())?;
+        for (reference, value) in references.iter().zip(values) {
+            if let Some((group, index)) = self.registry.locate(*reference) {
+                *value = match group.access {
+                    Access::Real(get, _) => get(&self.model, index),
+                    Access::Integer(get, _) => f64::from(get(&self.model, index)),
+                    Access::Boolean(get, _) => f64::from(u8::from(get(&self.model, index))),
+                };
+            }
+        }
+        Ok(())
+    }
+
+    /// fmi2GetInteger.
+    pub fn get_integer(&mut self, references: &[u32], values: &mut [i32]) -> Result<(), Error> {
+        self.prepare_get(Function::GetInteger, Type::Integer, references, values.len())?;
+        for (reference, value) in references.iter().zip(values) {
+            if let Some((&Group { access: Access::Integer(get, _), .. }, index)) =
+                self.registry.locate(*reference)
+            {
+                *value = get(&self.model, index);
+            }
+        }
+        Ok(())
+    }
+
+    /// fmi2GetBoolean, into `bool` or into C's integers.
+    pub fn get_boolean<B: From<bool>>(&mut self, references: &[u32], values: &mut [B]) -> Result<(), Error> {
+        self.prepare_get(Function::GetBoolean, Type::Boolean, references, values.len())?;
+        for (reference, value) in references.iter().zip(values) {
+            if let Some((&Group { access: Access::Boolean(get, _), .. }, index)) =
+                self.registry.locate(*reference)
+            {
+                *value = get(&self.model, index).into();
+            }
+        }
+        Ok(())
+    }
+
+    /// fmi2SetReal.
+    pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> Result<(), Error> {
+        let function = Function::SetReal;
+        self.check_all(function, Type::Real, references, values.len())?;
+        for (reference, value) in references.iter().zip(values) {
+            if let Some((group, _)) = self.registry.locate(*reference) {
+                let accepted = match group.access {
+                    Access::Real(..) => group.range.contains(*value),
+                    Access::Integer(..) => {
+                        group.range.contains(value.round()) && to_integer(*value).is_some()
+                    }
+                    Access::Boolean(..) => value.is_finite(),
+                };
+                self.check_value(function, *reference, group, *value, accepted)?;
+            }
+        }
+        for (reference, value) in references.iter().zip(values) {
+            match self.registry.locate(*reference) {
+                Some((&Group { access: Access::Real(_, Some(set)), .. }, index)) => {
+                    set(&mut self.model, index, *value);
+                }
+                Some((&Group { access: Access::Integer(_, Some(set)), .. }, index)) => {
+                    set(&mut self.model, index, to_integer(*value).unwrap_or_default());
+                }
+                Some((&Group { access: Access::Boolean(_, Some(set)), .. }, index)) => {
+                    set(&mut self.model, index, *value >= 0.5);
+                }
+                _ => {}
+            }
+        }
+        self.life.stale |= !references.is_empty();
+        Ok(())
+    }
+
+    /// fmi2SetInteger.
+    pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> Result<(), Error> {
+        let function = Function::SetInteger;
+        self.check_all(function, Type::Integer, references, values.len())?;
+        for (reference, value) in references.iter().zip(values) {
+            if let Some((group, _)) = self.registry.locate(*reference) {
+                let value = f64::from(*value);
+                self.check_value(function, *reference, group, value, group.range.contains(value))?;
+            }
+        }
+        for (reference, value) in references.iter().zip(values) {
+            if let Some((&Group { access: Access::Integer(_, Some(set)), .. }, index)) =
+                self.registry.locate(*reference)
+            {
+                set(&mut self.model, index, *value);
+            }
+        }
+        self.life.stale |= !references.is_empty();
+        Ok(())
+    }
+
+    /// fmi2SetBoolean.
+    pub fn set_boolean(&mut self, references: &[u32], values: &[bool]) -> Result<(), Error> {
+        self.set_boolean_from(references, values, |value| value)
+    }
+
+    /// The same from another representation of truth.
+    pub(super) fn set_boolean_from<B: Copy>(
+        &mut self,
+        references: &[u32],
+        values: &[B],
+        truth: fn(B) -> bool,
+    ) -> Result<(), Error> {
+        self.check_all(Function::SetBoolean, Type::Boolean, references, values.len())?;
+        for (reference, value) in references.iter().zip(values) {
+            if let Some((&Group { access: Access::Boolean(_, Some(set)), .. }, index)) =
+                self.registry.locate(*reference)
+            {
+                set(&mut self.model, index, truth(*value));
+            }
+        }
+        self.life.stale |= !references.is_empty();
+        Ok(())
+    }
+
+    /// Checks a get and, where an output is asked for after a set, brings the outputs in line.
+    fn prepare_get(
+        &mut self,
+        function: Function,
+        expected: Type,
+        references: &[u32],
+        values: usize,
+    ) -> Result<(), Error> {
+        self.allow(function)?;
+        let mut has_output = false;
+        self.check_references(function, expected, references, values, |_, group| {
+            has_output |= group.causality == Causality::Output;
+            Ok(())
+        })?;
+        if has_output && self.life.stale { self.bring_in_line(function) } else { Ok(()) }
+    }
+
+    /// Checks everything about a set but the values.
+    fn check_all(
+        &self,
+        function: Function,
+        expected: Type,
+        references: &[u32],
+        values: usize,
+    ) -> Result<(), Error> {
+        self.allow(function)?;
+        let before_steps = matches!(self.life.state, State::Instantiated | State::Initialization);
+        self.check_references(function, expected, references, values, |reference, group| {
+            let reason = match (group.causality, group.variability) {
+                (Causality::Output, _) => "it is an output",
+                (Causality::Parameter, Variability::Fixed) if !before_steps => {
+                    "it is a fixed parameter; expected to be set before initialization ends"
+                }
+                _ => return Ok(()),
+            };
+            Err(Error::NotSettable { function, name: self.name_of(reference), reason })
+        })
+    }
+
+    #[inline]
+    fn check_references(
+        &self,
+        function: Function,
+        expected: Type,
+        references: &[u32],
+        values: usize,
+        mut check: impl FnMut(u32, &Group<M>) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        if references.len() != values {
+            return Err(Error::Length { function, references: references.len(), values });
+        }
+        for (position, reference) in references.iter().enumerate() {
+            let Some((group, _)) = self.registry.locate(*reference) else {
+                let count = self.registry.len();
+                return Err(Error::UnknownReference { function, position, found: *reference, count });
+            };
+            let found = group.type_in(self.registry.interface);
+            if found != expected {
+                return Err(Error::WrongType { function, name: self.name_of(*reference), found, expected });
+            }
+            check(*reference, group)?;
+        }
+        Ok(())
+    }
+
+    #[inline]
+    fn check_value(
+        &self,
+        function: Function,
+        reference: u32,
+        group: &Group<M>,
+        found: f64,
+        accepted: bool,
+    ) -> Result<(), Error> {
+        if accepted {
+            return Ok(());
+        }
+        let expected = match group.access {
+            Access::Boolean(..) => "a finite value".to_owned(),
+            _ => group.range.to_string(),
+        };
+        Err(Error::Value { function, name: self.name_of(reference), found, expected })
+    }
+
+    fn name_of(&self, reference: u32) -> String {
+        self.registry.name(reference).unwrap_or_default()
+    }
+}
+
+/// The nearest integer, for the portable interface.
+fn to_integer(value: f64) -> Option<i32> {
+    let rounded = value.round();
+    (rounded >= f64::from(i32::MIN) && rounded <= f64::from(i32::MAX)).then_some(rounded as i32)
+}

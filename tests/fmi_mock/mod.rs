@@ -1,0 +1,249 @@
+//! A model whose answers are known in closed form: n first-order lags, x' = (gain u - x) / tau, that
+//! can be told to fail or to panic. `resources/n.txt` holds n.
+#![allow(dead_code)]
+
+use bess_consensus::fmi::{
+    Access, Causality, Dependencies, Group, Log, LogLevel, Model, ModelError, Phase, Range, Step, Unit,
+    Variability,
+};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// What goes wrong, by the value of the input `fault`.
+pub const STEP_PANICS: i32 = 1;
+pub const STEP_FAILS: i32 = 2;
+pub const REFRESH_PANICS: i32 = 3;
+pub const REFRESH_FAILS: i32 = 4;
+pub const STEP_LOGS: i32 = 5;
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    pub x: Vec<f64>,
+    pub y: Vec<f64>,
+    pub u: Vec<f64>,
+    pub x_start: Vec<f64>,
+    pub gain: f64,
+    pub tau: f64,
+    pub mode: i32,
+    pub fault: i32,
+    pub enable: bool,
+    pub steps: i32,
+    pub nanoseconds: i64,
+    pub total: f64,
+}
+
+#[derive(Clone)]
+pub struct Mock(pub State);
+
+impl Mock {
+    pub fn with(n: usize) -> Self {
+        let u: Vec<f64> = (0..n).map(|i| 1.0 + i as f64).collect();
+        Mock(State {
+            x: vec![0.0; n],
+            y: vec![0.0; n],
+            u,
+            x_start: vec![0.25; n],
+            gain: 2.0,
+            tau: 0.5,
+            mode: 1,
+            fault: 0,
+            enable: true,
+            steps: 0,
+            nanoseconds: 0,
+            total: 0.0,
+        })
+    }
+}
+
+impl Model for Mock {
+    const IDENTIFIER: &'static str = "Mock";
+    const DESCRIPTION: &'static str = "First-order lags <for tests> & \"nothing\" else";
+    type State = State;
+
+    fn load(resources: &Path) -> Result<Self, ModelError> {
+        let file = resources.join("n.txt");
+        let text = std::fs::read_to_string(&file)
+            .map_err(|e| ModelError::new(format!("{}: {e}; expected a number", file.display())))?;
+        let n = text.trim().parse().map_err(|e| ModelError::new(format!("n.txt: {e}; expected a number")))?;
+        if n == 666 {
+            panic!("the mock was told to panic while loading");
+        }
+        Ok(Mock::with(n))
+    }
+
+    fn variables(&self) -> Vec<Group<Self>> {
+        let n = Some(self.0.x.len());
+        let group = |name, description, causality, variability, access| Group {
+            name,
+            description,
+            unit: Some(Unit::PerUnit),
+            count: n,
+            causality,
+            variability,
+            access,
+            range: Range::ANY,
+            dependencies: Dependencies::None,
+        };
+        use Causality::{Input, Output, Parameter};
+        use Variability::{Continuous, Discrete, Fixed, Tunable};
+        let real = Access::Real;
+        let integer = Access::Integer;
+        let boolean = Access::Boolean;
+        vec![
+            group("u", "input", Input, Continuous, real(|m, i| m.0.u[i], Some(|m, i, v| m.0.u[i] = v))),
+            group("x", "state", Output, Continuous, real(|m, i| m.0.x[i], None)),
+            Group {
+                dependencies: Dependencies::SameIndex(&["u"]),
+                ..group("y", "x + u", Output, Continuous, real(|m, i| m.0.y[i], None))
+            },
+            Group {
+                count: None,
+                dependencies: Dependencies::All(&["u"]),
+                ..group("total", "sum of u", Output, Continuous, real(|m, _| m.0.total, None))
+            },
+            Group {
+                unit: None,
+                range: Range::POSITIVE,
+                count: None,
+                ..group(
+                    "gain",
+                    "a < b",
+                    Parameter,
+                    Tunable,
+                    real(|m, _| m.0.gain, Some(|m, _, v| m.0.gain = v)),
+                )
+            },
+            Group {
+                unit: Some(Unit::Second),
+                range: Range::POSITIVE,
+                count: None,
+                ..group("tau", "lag", Parameter, Fixed, real(|m, _| m.0.tau, Some(|m, _, v| m.0.tau = v)))
+            },
+            Group {
+                unit: Some(Unit::PerUnitHour),
+                ..group(
+                    "x_start",
+                    "start of x",
+                    Parameter,
+                    Fixed,
+                    real(|m, i| m.0.x_start[i], Some(|m, i, v| m.0.x_start[i] = v)),
+                )
+            },
+            Group {
+                count: None,
+                range: Range { min: 1.0, min_excluded: false, max: 3.0 },
+                ..group(
+                    "mode",
+                    "mode",
+                    Input,
+                    Discrete,
+                    integer(|m, _| m.0.mode, Some(|m, _, v| m.0.mode = v)),
+                )
+            },
+            Group {
+                count: None,
+                ..group(
+                    "fault",
+                    "what goes wrong",
+                    Input,
+                    Discrete,
+                    integer(|m, _| m.0.fault, Some(|m, _, v| m.0.fault = v)),
+                )
+            },
+            Group {
+                count: None,
+                ..group(
+                    "enable",
+                    "whether x moves",
+                    Input,
+                    Discrete,
+                    boolean(|m, _| m.0.enable, Some(|m, _, v| m.0.enable = v)),
+                )
+            },
+            Group {
+                count: None,
+                ..group("steps", "steps so far", Output, Discrete, integer(|m, _| m.0.steps, None))
+            },
+            Group {
+                count: None,
+                ..group("settled", "x = gain u", Output, Discrete, boolean(|m, _| m.0.x == m.0.u, None))
+            },
+        ]
+    }
+
+    fn state(&self) -> &State {
+        &self.0
+    }
+
+    fn set_state(&mut self, state: &State) -> Result<(), ModelError> {
+        if state.x.len() != self.0.x.len() {
+            return Err(ModelError::new(format!("{} lags; expected {}", state.x.len(), self.0.x.len())));
+        }
+        self.0.clone_from(state);
+        Ok(())
+    }
+
+    fn refresh(&mut self, phase: Phase, _log: &mut dyn Log) -> Result<(), ModelError> {
+        match self.0.fault {
+            REFRESH_PANICS => panic!("the mock was told to panic in refresh"),
+            REFRESH_FAILS => return Err(ModelError::new("the mock was told to fail in refresh")),
+            _ => {}
+        }
+        if phase == Phase::Initialization {
+            self.0.x.clone_from(&self.0.x_start);
+        }
+        self.follow_inputs();
+        Ok(())
+    }
+
+    fn step(&mut self, step: Step, log: &mut dyn Log) -> Result<(), ModelError> {
+        match self.0.fault {
+            STEP_PANICS => panic!("the mock was told to panic in step"),
+            STEP_FAILS => return Err(ModelError::new("the mock was told to fail in step")),
+            STEP_LOGS => {
+                log.log(LogLevel::Event, format_args!("an event at {} s, 100%s\nsure", step.start_s()));
+                log.log(LogLevel::Warning, format_args!("a warning"));
+            }
+            _ => {}
+        }
+        let s = &mut self.0;
+        if s.enable {
+            let decay = (-step.duration_s() / s.tau).exp();
+            for i in 0..s.x.len() {
+                s.x[i] = s.gain * s.u[i] + (s.x[i] - s.gain * s.u[i]) * decay;
+            }
+        }
+        s.steps += 1;
+        s.nanoseconds += step.duration_ns;
+        self.follow_inputs();
+        Ok(())
+    }
+}
+
+impl Mock {
+    fn follow_inputs(&mut self) {
+        for i in 0..self.0.x.len() {
+            self.0.y[i] = self.0.x[i] + self.0.u[i];
+        }
+        self.0.total = self.0.u.iter().sum();
+    }
+}
+
+/// A resources folder for n lags.
+pub struct Resources(pub tempfile::TempDir);
+
+impl Resources {
+    pub fn new(n: usize) -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        std::fs::write(folder.path().join("n.txt"), n.to_string()).expect("n.txt is written");
+        Resources(folder)
+    }
+
+    pub fn path(&self) -> PathBuf {
+        self.0.path().to_owned()
+    }
+
+    pub fn uri(&self) -> String {
+        format!("file://{}", self.0.path().display())
+    }
+}
