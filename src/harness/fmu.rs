@@ -1,0 +1,75 @@
+//! An FMU file, opened: unpacked, described, its library loaded. Makes instances.
+
+use super::archive::{Limits, Unpacked, unpack};
+use super::description::ModelDescription;
+use super::error::HarnessError;
+use super::library::LoadedLibrary;
+use super::logger::LogTarget;
+use super::participant::CallError;
+use super::slave::Slave;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// An opened FMU; instances keep what they need of it alive.
+pub struct Fmu {
+    parts: Rc<Parts>,
+}
+
+/// Dropped in this order: the library before the folder that holds its file.
+pub(super) struct Parts {
+    pub library: LoadedLibrary,
+    pub description: ModelDescription,
+    pub folder: Unpacked,
+    pub path: PathBuf,
+}
+
+impl Fmu {
+    /// Unpacks and loads an FMU with the default limits.
+    pub fn open(path: &Path) -> Result<Self, HarnessError> {
+        Self::open_with(path, Limits::default())
+    }
+
+    /// Unpacks and loads an FMU.
+    pub fn open_with(path: &Path, limits: Limits) -> Result<Self, HarnessError> {
+        let folder = unpack(path, limits)?;
+        let description = ModelDescription::read(&folder.path().join("modelDescription.xml"))?;
+        let library = LoadedLibrary::load(folder.path(), &description)?;
+        Ok(Self { parts: Rc::new(Parts { library, description, folder, path: path.to_path_buf() }) })
+    }
+
+    /// What the FMU says of itself.
+    pub fn description(&self) -> &ModelDescription {
+        &self.parts.description
+    }
+
+    /// A new instance, silent but for errors.
+    pub fn instantiate(&self, name: &str) -> Result<Slave, HarnessError> {
+        self.instantiate_with(name, false, None)
+    }
+
+    /// A new instance whose log lines go to `target` as they come; `logging_on` asks the FMU for its
+    /// events too.
+    pub fn instantiate_with(
+        &self,
+        name: &str,
+        logging_on: bool,
+        target: Option<Arc<LogTarget>>,
+    ) -> Result<Slave, HarnessError> {
+        // Each living instance holds one reference.
+        if self.parts.description.capabilities.can_be_instantiated_only_once
+            && Rc::strong_count(&self.parts) > 1
+        {
+            let reason = format!(
+                "{} says canBeInstantiatedOnlyOncePerProcess and one instance lives; drop that one first",
+                self.parts.path.display()
+            );
+            return Err(HarnessError::Call {
+                participant: name.to_owned(),
+                source: CallError::new("fmi2Instantiate", reason),
+            });
+        }
+        Slave::new(Rc::clone(&self.parts), name, logging_on, target)
+            .map_err(|source| HarnessError::Call { participant: name.to_owned(), source })
+    }
+}

@@ -1,0 +1,410 @@
+//! The master algorithm: fixed communication steps, Jacobi or Gauss-Seidel, events exactly on time.
+//! Single-threaded and deterministic; knows no FMU, only participants.
+//!
+//! At a communication point: apply the events due, read all outputs, set the connected inputs, show
+//! the sample to the observer, step all. With Gauss-Seidel each participant, in the order given, gets
+//! its inputs right before its own step, so that it sees what those before it have just computed.
+
+use super::coupling::{Connection, CouplingError, Endpoint};
+use super::error::HarnessError;
+use super::observer::{Experiment, Observer, Sample};
+use super::participant::{CallError, Participant};
+use super::schedule::Schedule;
+use super::slave::seconds;
+use super::value::Value;
+use super::wiring::{Lookup, Values, Wiring, WriteError};
+use std::time::{Duration, Instant};
+
+/// In which order participants see each other's outputs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Algorithm {
+    /// All step with the outputs of the communication point.
+    #[default]
+    Jacobi,
+    /// Each steps with the newest outputs of those before it.
+    GaussSeidel,
+}
+
+/// A value for a variable.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setting {
+    /// Whose variable.
+    pub participant: String,
+    /// Which.
+    pub variable: String,
+    /// Its value; converted to the type of the variable.
+    pub value: Value,
+}
+
+impl Setting {
+    /// A value for a variable.
+    pub fn new(participant: impl Into<String>, variable: impl Into<String>, value: Value) -> Self {
+        Self { participant: participant.into(), variable: variable.into(), value }
+    }
+}
+
+/// Values set while the simulation runs. A step is cut where an event falls into it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    /// When, ns.
+    pub at_ns: i64,
+    /// What, in this order.
+    pub sets: Vec<Setting>,
+}
+
+/// What is to be simulated.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Plan {
+    /// Start, ns.
+    pub start_ns: i64,
+    /// End, ns; not before the start.
+    pub stop_ns: i64,
+    /// Communication step, ns; positive.
+    pub step_ns: i64,
+    /// Order of exchange.
+    pub algorithm: Algorithm,
+    /// Which output feeds which input.
+    pub connections: Vec<Connection>,
+    /// Set before the experiment is set up.
+    pub initial: Vec<Setting>,
+    /// In any order; those of one time are applied in the order given. Events after the end are ignored.
+    pub events: Vec<Event>,
+}
+
+/// What happened.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outcome {
+    /// Communication steps.
+    pub steps: u64,
+    /// Events applied.
+    pub events: usize,
+    /// Exchanges of values in initialisation mode.
+    pub initial_passes: usize,
+    /// Whether the values stood still after the last of them.
+    pub is_settled: bool,
+    /// Wall time in `do_step`, one for each participant.
+    pub stepping: Vec<Duration>,
+    /// Wall time of the whole run, from initialisation on.
+    pub total: Duration,
+    /// What went wrong without spoiling the results.
+    pub warnings: Vec<String>,
+}
+
+/// Exchanges of values in initialisation mode, at most.
+const INITIAL_PASSES: usize = 10;
+
+/// Runs the plan from initialisation to termination. The observer finishes in any case.
+pub fn run(
+    participants: &mut [Box<dyn Participant>],
+    plan: &Plan,
+    observer: &mut dyn Observer,
+) -> Result<Outcome, HarnessError> {
+    let mut run = Run::prepare(participants, plan)?;
+    let experiment = Experiment {
+        start_ns: plan.start_ns,
+        stop_ns: plan.stop_ns,
+        step_ns: plan.step_ns,
+        columns: run.wiring.columns.clone(),
+    };
+    let begun = Instant::now();
+    let result = observer
+        .begin(&experiment)
+        .map_err(HarnessError::from)
+        .and_then(|()| run.initialise(participants))
+        .and_then(|()| run.simulate(participants, observer));
+    for participant in participants.iter_mut() {
+        if let Err(error) = participant.terminate() {
+            run.outcome.warnings.push(format!("{}: {error}", participant.name()));
+        }
+    }
+    let finished = observer.finish(result.as_ref().err());
+    result?;
+    finished?;
+    run.outcome.total = begun.elapsed();
+    Ok(run.outcome)
+}
+
+/// An event with its names resolved.
+struct Due {
+    at_ns: i64,
+    sets: Vec<(usize, Values)>,
+    records: Vec<(usize, f64)>,
+}
+
+struct Run {
+    wiring: Wiring,
+    schedule: Schedule,
+    algorithm: Algorithm,
+    initial: Vec<(usize, Values)>,
+    /// Sorted by time.
+    events: Vec<Due>,
+    values: Vec<f64>,
+    /// Whose outputs in `values` are older than its last step or event.
+    is_stale: Vec<bool>,
+    plan_stop_ns: i64,
+    outcome: Outcome,
+}
+
+impl Run {
+    fn prepare(participants: &[Box<dyn Participant>], plan: &Plan) -> Result<Self, CouplingError> {
+        check_times(plan)?;
+        let schedule = Schedule::new(plan.start_ns, plan.stop_ns, plan.step_ns);
+        check_fixed_steps(participants, plan, &schedule)?;
+        let set_by_event = |setting: &Setting| Endpoint::new(&*setting.participant, &*setting.variable);
+        let recorded = plan.events.iter().flat_map(|event| event.sets.iter().map(set_by_event)).collect();
+        let wiring = Wiring::compile(participants, &plan.connections, &recorded)?;
+        let lookup = Lookup::new(participants);
+        let mut values = vec![0.0; wiring.columns.len()];
+        for endpoint in &recorded {
+            let (_, variable) = lookup.find("event", endpoint)?;
+            if let (Some(column), Some(start)) = (wiring.set_column(endpoint), variable.start)
+                && let Some(value) = values.get_mut(column)
+            {
+                *value = start.as_f64();
+            }
+        }
+        let (initial, records) = resolve(&lookup, &wiring, "initial value", &plan.initial, false)?;
+        record(&mut values, &records);
+        let mut events = Vec::new();
+        for event in plan.events.iter().filter(|event| event.at_ns <= plan.stop_ns) {
+            let place = format!("event at {:?} s", seconds(event.at_ns));
+            let (sets, records) = resolve(&lookup, &wiring, &place, &event.sets, true)?;
+            events.push(Due { at_ns: event.at_ns, sets, records });
+        }
+        events.sort_by_key(|event| event.at_ns);
+        let outcome = Outcome { stepping: vec![Duration::ZERO; participants.len()], ..Outcome::default() };
+        let is_stale = vec![true; participants.len()];
+        let (algorithm, plan_stop_ns) = (plan.algorithm, plan.stop_ns);
+        Ok(Self { wiring, schedule, algorithm, initial, events, values, is_stale, plan_stop_ns, outcome })
+    }
+
+    /// Values, setup, and initialisation mode with outputs passed on to inputs until nothing changes, so
+    /// that each starts from what the others start from.
+    fn initialise(&mut self, participants: &mut [Box<dyn Participant>]) -> Result<(), HarnessError> {
+        let start_ns = self.schedule.now_ns();
+        for (index, values) in &self.initial {
+            let Some(participant) = participants.get_mut(*index) else { continue };
+            values
+                .apply(participant.as_mut())
+                .map_err(|source| failed(participant.as_ref(), start_ns, source))?;
+        }
+        let stop_ns = Some(self.plan_stop_ns);
+        for_each(participants, start_ns, |participant| participant.setup(start_ns, stop_ns))?;
+        for_each(participants, start_ns, |participant| participant.enter_initialization())?;
+        while !self.outcome.is_settled && self.outcome.initial_passes < INITIAL_PASSES {
+            self.outcome.initial_passes += 1;
+            self.is_stale.fill(true);
+            self.read(participants)?;
+            self.outcome.is_settled = true;
+            for index in 0..participants.len() {
+                self.outcome.is_settled &= !self.write(participants, index)?;
+            }
+        }
+        if !self.outcome.is_settled {
+            self.outcome.warnings.push(format!(
+                "initialisation: values still change after {INITIAL_PASSES} exchanges; the start may not be \
+                 an equilibrium"
+            ));
+        }
+        for_each(participants, start_ns, |participant| participant.exit_initialization())?;
+        self.is_stale.fill(true);
+        Ok(())
+    }
+
+    fn simulate(
+        &mut self,
+        participants: &mut [Box<dyn Participant>],
+        observer: &mut dyn Observer,
+    ) -> Result<(), HarnessError> {
+        let mut next_event = 0;
+        loop {
+            let t_ns = self.schedule.now_ns();
+            while let Some(event) = self.events.get(next_event).filter(|event| event.at_ns <= t_ns) {
+                for (index, values) in &event.sets {
+                    let Some(participant) = participants.get_mut(*index) else { continue };
+                    let applied = values.apply(participant.as_mut());
+                    applied.map_err(|source| failed(participant.as_ref(), t_ns, source))?;
+                    mark(&mut self.is_stale, *index, true);
+                }
+                record(&mut self.values, &event.records);
+                next_event += 1;
+            }
+            self.outcome.events = next_event;
+            self.read(participants)?;
+            if self.algorithm == Algorithm::Jacobi {
+                for index in 0..participants.len() {
+                    self.write(participants, index)?;
+                }
+            }
+            let last = self.schedule.is_last();
+            observer.sample(Sample { t_ns, regular: self.schedule.regular(), last, values: &self.values })?;
+            if last {
+                return Ok(());
+            }
+            let to_ns = self.schedule.next_ns(self.events.get(next_event).map(|event| event.at_ns));
+            self.step(participants, t_ns, to_ns)?;
+            self.schedule.advance(to_ns);
+            self.outcome.steps += 1;
+        }
+    }
+
+    fn step(
+        &mut self,
+        participants: &mut [Box<dyn Participant>],
+        t_ns: i64,
+        to_ns: i64,
+    ) -> Result<(), HarnessError> {
+        for index in 0..participants.len() {
+            if self.algorithm == Algorithm::GaussSeidel {
+                self.write(participants, index)?;
+            }
+            let Some(participant) = participants.get_mut(index) else { continue };
+            let begun = Instant::now();
+            let stepped = participant.do_step(t_ns, to_ns - t_ns);
+            if let Some(stepping) = self.outcome.stepping.get_mut(index) {
+                *stepping += begun.elapsed();
+            }
+            stepped.map_err(|source| failed(participant.as_ref(), t_ns, source))?;
+            mark(&mut self.is_stale, index, true);
+            if self.algorithm == Algorithm::GaussSeidel {
+                self.read_one(participants, index)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn read(&mut self, participants: &mut [Box<dyn Participant>]) -> Result<(), HarnessError> {
+        (0..participants.len()).try_for_each(|index| self.read_one(participants, index))
+    }
+
+    fn read_one(
+        &mut self,
+        participants: &mut [Box<dyn Participant>],
+        index: usize,
+    ) -> Result<(), HarnessError> {
+        let t_ns = self.schedule.now_ns();
+        let (Some(participant), Some(port)) = (participants.get_mut(index), self.wiring.ports.get_mut(index))
+        else {
+            return Ok(());
+        };
+        if self.is_stale.get(index) == Some(&true) {
+            let read = port.read(participant.as_mut(), &mut self.values);
+            read.map_err(|source| failed(participant.as_ref(), t_ns, source))?;
+            mark(&mut self.is_stale, index, false);
+        }
+        Ok(())
+    }
+
+    fn write(
+        &mut self,
+        participants: &mut [Box<dyn Participant>],
+        index: usize,
+    ) -> Result<bool, HarnessError> {
+        let t_ns = self.schedule.now_ns();
+        let (Some(participant), Some(port)) = (participants.get_mut(index), self.wiring.ports.get_mut(index))
+        else {
+            return Ok(false);
+        };
+        port.write(participant.as_mut(), &self.values).map_err(|error| match error {
+            WriteError::Call(source) => failed(participant.as_ref(), t_ns, source),
+            WriteError::Conversion { column, to, found, expected } => HarnessError::Conversion {
+                from: self.wiring.columns.get(column).map_or_else(String::new, |column| column.label()),
+                to: format!("{}.{to}", participant.name()),
+                found,
+                expected,
+                time_s: seconds(t_ns),
+            },
+        })
+    }
+}
+
+type Resolved = (Vec<(usize, Values)>, Vec<(usize, f64)>);
+
+/// Settings as values by participant, and what they put into the recorded columns.
+fn resolve(
+    lookup: &Lookup<'_>,
+    wiring: &Wiring,
+    place: &str,
+    settings: &[Setting],
+    is_running: bool,
+) -> Result<Resolved, CouplingError> {
+    let mut sets: Vec<(usize, Values)> = Vec::new();
+    let mut records = Vec::new();
+    for setting in settings {
+        let endpoint = Endpoint::new(&*setting.participant, &*setting.variable);
+        let (index, reference, value) = lookup.settable(place, &endpoint, setting.value, is_running)?;
+        match sets.iter_mut().find(|(participant, _)| *participant == index) {
+            Some((_, values)) => values.push(reference, value),
+            None => {
+                let mut values = Values::default();
+                values.push(reference, value);
+                sets.push((index, values));
+            }
+        }
+        records.extend(wiring.set_column(&endpoint).map(|column| (column, value.as_f64())));
+    }
+    Ok((sets, records))
+}
+
+fn record(values: &mut [f64], records: &[(usize, f64)]) {
+    for (column, found) in records {
+        if let Some(value) = values.get_mut(*column) {
+            *value = *found;
+        }
+    }
+}
+
+fn mark(flags: &mut [bool], index: usize, value: bool) {
+    if let Some(flag) = flags.get_mut(index) {
+        *flag = value;
+    }
+}
+
+fn check_times(plan: &Plan) -> Result<(), CouplingError> {
+    let time = |place, ns, expected| Err(CouplingError::Time { place, found_s: seconds(ns), expected });
+    if plan.step_ns <= 0 {
+        return time("communication step", plan.step_ns, "a positive time");
+    }
+    if plan.stop_ns < plan.start_ns {
+        return time("end of the run", plan.stop_ns, "a time not before the start");
+    }
+    match plan.events.iter().find(|event| event.at_ns < plan.start_ns) {
+        Some(event) => time("event", event.at_ns, "a time not before the start of the run"),
+        None => Ok(()),
+    }
+}
+
+fn check_fixed_steps(
+    participants: &[Box<dyn Participant>],
+    plan: &Plan,
+    schedule: &Schedule,
+) -> Result<(), CouplingError> {
+    let Some(fixed) = participants.iter().find(|participant| !participant.can_vary_step()) else {
+        return Ok(());
+    };
+    let events = plan.events.iter().map(|event| ("an event", event.at_ns));
+    let mut cuts =
+        events.filter(|(_, at_ns)| *at_ns <= plan.stop_ns).chain([("the end of the run", plan.stop_ns)]);
+    match cuts.find(|(_, at_ns)| !schedule.is_regular(*at_ns)) {
+        Some((cause, at_ns)) => Err(CouplingError::FixedStep {
+            participant: fixed.name().to_owned(),
+            cause,
+            time_s: seconds(at_ns),
+        }),
+        None => Ok(()),
+    }
+}
+
+fn for_each(
+    participants: &mut [Box<dyn Participant>],
+    t_ns: i64,
+    mut call: impl FnMut(&mut dyn Participant) -> Result<(), CallError>,
+) -> Result<(), HarnessError> {
+    participants.iter_mut().try_for_each(|participant| {
+        call(participant.as_mut()).map_err(|source| failed(participant.as_ref(), t_ns, source))
+    })
+}
+
+fn failed(participant: &dyn Participant, t_ns: i64, source: CallError) -> HarnessError {
+    HarnessError::Run { participant: participant.name().to_owned(), time_s: seconds(t_ns), source }
+}

@@ -1,0 +1,37 @@
+//! The importer side: unzip, load, safe instance, coupling, master algorithm, events, recorder.
+//! Takes any FMI 2.0 co-simulation FMU. Knows nothing of batteries or grids, prints nothing, and
+//! never lets C reach past [`library`], [`logger`] and [`slave`].
+
+pub mod archive;
+pub mod coupling;
+mod csv;
+pub mod description;
+mod description_xml;
+pub mod error;
+pub mod fmu;
+pub mod library;
+pub mod logger;
+pub mod master;
+pub mod memory;
+pub mod near;
+pub mod observer;
+pub mod participant;
+pub mod recorder;
+mod schedule;
+pub mod slave;
+mod slave_state;
+pub mod value;
+mod wiring;
+
+pub use archive::{Limits, Unpacked};
+pub use coupling::{Connection, Endpoint, connect, connect_equal_names};
+pub use description::{Causality, ModelDescription, Variability, Variable};
+pub use error::HarnessError;
+pub use fmu::Fmu;
+pub use master::{Algorithm, Event, Outcome, Plan, Setting, run};
+pub use memory::Memory;
+pub use observer::{Column, Experiment, FanOut, Observer, ObserverError, Progress, Sample, Silent};
+pub use participant::{CallError, Participant, StateHandle};
+pub use recorder::Recorder;
+pub use slave::Slave;
+pub use value::{Kind, Value};
