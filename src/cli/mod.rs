@@ -1,5 +1,7 @@
 //! The `bess` command: parse, call one function, print. Exit codes: 0 done, 1 the run or the file failed,
 //! 2 the command line or the scenario is wrong.
+#![forbid(unsafe_code)]
+#![allow(non_snake_case)]
 
 mod bounds;
 mod cluster;

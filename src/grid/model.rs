@@ -110,15 +110,9 @@ impl GridModel {
         &self.state.parameters
     }
 
-    /// Parameters to set, until the model is initialised.
-    pub fn parameters_mut(&mut self) -> Result<&mut Parameters, GridError> {
-        if self.state.initialised {
-            return Err(GridError::Misuse {
-                what: "setting a parameter",
-                why: "parameters are fixed once the model is initialised; set them before",
-            });
-        }
-        Ok(&mut self.state.parameters)
+    /// Parameters to set before [`GridModel::initialise`], which the steady state depends on.
+    pub fn parameters_mut(&mut self) -> &mut Parameters {
+        &mut self.state.parameters
     }
 
     /// Finds the synchronous steady state of the present inputs and starts there, with E = E_start.
@@ -135,11 +129,6 @@ impl GridModel {
         self.state.internal_step_s = FIRST_STEP_S;
         self.state.initialised = true;
         self.refresh()
-    }
-
-    /// Back to "not initialised", so that parameters can be set again; inputs and states stay.
-    pub fn reopen(&mut self) {
-        self.state.initialised = false;
     }
 
     /// The synchronous steady state of the present inputs; changes nothing that can be read.

@@ -7,11 +7,13 @@ use super::error::HarnessError;
 use super::fmu::Fmu;
 use super::in_process::InProcess;
 use super::master::{Algorithm, Event, Plan, Setting};
-use super::participant::Participant;
+use super::participant::{CallError, Participant};
 use super::value::Value;
+use crate::fmi::{Instance, Interface, Logger, Model, ModelError};
 use crate::models::{Controller, Grid};
 use crate::scenario::document::Master;
 use crate::scenario::{Resolved, nanoseconds};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 /// Name of the controller in plans and results.
@@ -43,23 +45,19 @@ pub struct Cast {
 /// An FMU gets the scenario's parameters where it has parameters of those names, so that a changed
 /// scenario also changes what an FMU exported earlier does.
 pub fn stage(resolved: &Resolved, cast: &Cast) -> Result<(Vec<Box<dyn Participant>>, Plan), HarnessError> {
-    let refused = |participant: &str, error: crate::fmi::ModelError| HarnessError::Model {
-        participant: participant.to_owned(),
-        reason: error.to_string(),
-    };
-    let controller = Controller::new(Controller::resource(resolved)).map_err(|e| refused(CONTROLLER, e))?;
-    let grid = Grid::new(Grid::resource(resolved)).map_err(|e| refused(GRID, e))?;
-    let own: [Box<dyn Participant>; 2] =
-        [Box::new(InProcess::new(CONTROLLER, controller)), Box::new(InProcess::new(GRID, grid))];
+    let own: [Box<dyn Participant>; 2] = [
+        in_process(CONTROLLER, Controller::new(Controller::resource(resolved)))?,
+        in_process(GRID, Grid::new(Grid::resource(resolved)))?,
+    ];
 
     let mut participants: Vec<Box<dyn Participant>> = Vec::with_capacity(2);
     let mut initial = Vec::new();
-    for (mut own, origin) in own.into_iter().zip([&cast.controller, &cast.grid]) {
+    for (own, origin) in own.into_iter().zip([&cast.controller, &cast.grid]) {
         match origin {
             Origin::InProcess => participants.push(own),
             Origin::Fmu(path) => {
                 let slave = Fmu::open(path)?.instantiate(own.name())?;
-                initial.extend(parameters(own.as_mut(), &slave)?);
+                initial.extend(parameters(own.as_ref(), &slave));
                 participants.push(Box::new(slave));
             }
         }
@@ -68,24 +66,33 @@ pub fn stage(resolved: &Resolved, cast: &Cast) -> Result<(Vec<Box<dyn Participan
     Ok((participants, plan))
 }
 
-/// The parameters of `own` that `fmu` has too, with their values in `own`.
-fn parameters(own: &mut dyn Participant, fmu: &dyn Participant) -> Result<Vec<Setting>, HarnessError> {
-    let theirs = |name: &str| {
-        fmu.variables().iter().any(|v| v.name == name && v.causality == Causality::Parameter)
+fn in_process<M: Model>(
+    name: &str,
+    model: Result<M, ModelError>,
+) -> Result<Box<dyn Participant>, HarnessError> {
+    let refused = |reason: String| HarnessError::Call {
+        participant: name.to_owned(),
+        source: CallError::new("fmi2Instantiate", reason),
     };
-    let shared: Vec<_> = own
-        .variables()
+    let model = model.map_err(|e| refused(e.to_string()))?;
+    let instance = Instance::from_model(name, model, Interface::Structured, Logger::silent())
+        .map_err(|e| refused(e.to_string()))?;
+    Ok(Box::new(InProcess::new(name, instance)))
+}
+
+/// The parameters of `own` that `fmu` has too, with their values in `own`.
+fn parameters(own: &dyn Participant, fmu: &dyn Participant) -> Vec<Setting> {
+    let theirs: BTreeSet<&str> = names_of_parameters(fmu).collect();
+    own.variables()
         .iter()
-        .filter(|v| v.causality == Causality::Parameter && theirs(&v.name))
-        .cloned()
-        .collect();
-    let mut settings = Vec::with_capacity(shared.len());
-    for variable in shared {
-        if let Some(value) = variable.start {
-            settings.push(Setting::new(fmu.name(), variable.name, value));
-        }
-    }
-    Ok(settings)
+        .filter(|v| v.causality == Causality::Parameter && theirs.contains(v.name.as_str()))
+        .filter_map(|v| v.start.map(|value| Setting::new(fmu.name(), v.name.as_str(), value)))
+        .collect()
+}
+
+fn names_of_parameters(participant: &dyn Participant) -> impl Iterator<Item = &str> {
+    let variables = participant.variables().iter();
+    variables.filter(|v| v.causality == Causality::Parameter).map(|v| v.name.as_str())
 }
 
 fn plan(

@@ -3,7 +3,8 @@
 
 mod archive;
 
-use crate::fmi::{Model, ModelError, model_description};
+use crate::fmi::lookup::RegistryError;
+use crate::fmi::{Interface, Model, ModelError, model_description};
 use crate::models::{Controller, Grid};
 use crate::scenario::Resolved;
 use archive::Entries;
@@ -45,6 +46,9 @@ pub enum PackageError {
     /// The model refuses the configuration.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// The model's variables do not make an interface.
+    #[error(transparent)]
+    Interface(#[from] RegistryError),
 }
 
 /// FMI 2.0 name of the platform that this program runs on.
@@ -101,7 +105,7 @@ fn write<M: Model>(
         std::fs::read(&library).map_err(|cause| PackageError::Read { file: library.clone(), cause })?;
     let name = format!("{}{}", M::IDENTIFIER, std::env::consts::DLL_SUFFIX);
     let entries: Entries = [
-        ("modelDescription.xml".to_owned(), model_description::write(model).into_bytes()),
+        ("modelDescription.xml".to_owned(), model_description::write(model, Interface::Structured)?.into_bytes()),
         (format!("binaries/{PLATFORM}/{name}"), bytes),
         (format!("resources/{resource}"), json),
         ("documentation/licenses/LICENSE-MIT".to_owned(), include_bytes!("../../LICENSE-MIT").to_vec()),

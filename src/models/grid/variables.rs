@@ -2,7 +2,7 @@
 //! because value references count it.
 
 use super::Grid;
-use crate::fmi::{Causality, Dependencies, Group, Range, Unit};
+use crate::fmi::{Dependencies, Group, Range, Unit};
 use crate::models::variables::{GroupExt, input, output, parameter, switch};
 
 /// All variables for `n` batteries and `buses` buses.
@@ -15,22 +15,22 @@ pub fn variables(n: usize, buses: usize) -> Vec<Group<Grid>> {
 
 fn inputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
     vec![
-        input("omega_set", "Frequency setpoint of the droop", |m, i| m.inputs().omega_set[i], |m, i, v| {
+        input("omega_set", "Frequency setpoint of the droop", |m: &Grid, i| m.inputs().omega_set[i], |m: &mut Grid, i, v| {
             m.inputs_mut().omega_set[i] = v;
         })
         .each(n)
         .unit(Unit::PerUnit),
-        input("V_set", "Voltage setpoint of the droop", |m, i| m.inputs().V_set[i], |m, i, v| {
+        input("V_set", "Voltage setpoint of the droop", |m: &Grid, i| m.inputs().V_set[i], |m: &mut Grid, i, v| {
             m.inputs_mut().V_set[i] = v;
         })
         .each(n)
         .unit(Unit::PerUnit),
-        input("P_set", "Active power reference of the droop", |m, i| m.inputs().P_set[i], |m, i, v| {
+        input("P_set", "Active power reference of the droop", |m: &Grid, i| m.inputs().P_set[i], |m: &mut Grid, i, v| {
             m.inputs_mut().P_set[i] = v;
         })
         .each(n)
         .unit(Unit::PerUnit),
-        input("Q_set", "Reactive power reference of the droop", |m, i| m.inputs().Q_set[i], |m, i, v| {
+        input("Q_set", "Reactive power reference of the droop", |m: &Grid, i| m.inputs().Q_set[i], |m: &mut Grid, i, v| {
             m.inputs_mut().Q_set[i] = v;
         })
         .each(n)
@@ -38,20 +38,20 @@ fn inputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
         input(
             "dP_load",
             "Change of the active load at 1 pu voltage, by position of the bus",
-            |m, b| m.inputs().dP_load[b],
-            |m, b, v| m.inputs_mut().dP_load[b] = v,
+            |m: &Grid, b| m.inputs().dP_load[b],
+            |m: &mut Grid, b, v| m.inputs_mut().dP_load[b] = v,
         )
         .each(buses)
         .unit(Unit::PerUnit),
         input(
             "dQ_load",
             "Change of the reactive load at 1 pu voltage, by position of the bus",
-            |m, b| m.inputs().dQ_load[b],
-            |m, b, v| m.inputs_mut().dQ_load[b] = v,
+            |m: &Grid, b| m.inputs().dQ_load[b],
+            |m: &mut Grid, b, v| m.inputs_mut().dQ_load[b] = v,
         )
         .each(buses)
         .unit(Unit::PerUnit),
-        switch("tie_closed", "Breaker to the main grid", |m, _| m.inputs().tie_closed, |m, _, v| {
+        switch("tie_closed", "Breaker to the main grid", |m: &Grid, _| m.inputs().tie_closed, |m: &mut Grid, _, v| {
             m.inputs_mut().tie_closed = v;
         }),
     ]
@@ -61,30 +61,30 @@ fn outputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
     let network = || Dependencies::All(&["V_set", "Q_set", "dP_load", "dQ_load", "tie_closed"]);
     vec![
         output("P", "Measured active power", |m: &Grid, i| m.P(i)).each(n).unit(Unit::PerUnit),
-        output("Q", "Measured reactive power, inductive positive", |m, i| m.Q(i))
+        output("Q", "Measured reactive power, inductive positive", |m: &Grid, i| m.Q(i))
             .each(n)
             .unit(Unit::PerUnit),
-        output("V", "Voltage of the inverter", |m, i| m.V(i))
+        output("V", "Voltage of the inverter", |m: &Grid, i| m.V(i))
             .each(n)
             .unit(Unit::PerUnit)
             .follows(Dependencies::SameIndex(&["V_set", "Q_set"])),
-        output("omega", "Frequency of the inverter", |m, i| m.omega(i))
+        output("omega", "Frequency of the inverter", |m: &Grid, i| m.omega(i))
             .each(n)
             .unit(Unit::PerUnit)
             .follows(Dependencies::SameIndex(&["omega_set", "P_set"])),
-        output("E", "Stored energy", |m, i| m.E(i)).each(n).unit(Unit::PerUnitHour),
-        output("bus_V", "Voltage magnitude, by position of the bus", |m, b| m.bus_V(b))
+        output("E", "Stored energy", |m: &Grid, i| m.E(i)).each(n).unit(Unit::PerUnitHour),
+        output("bus_V", "Voltage magnitude, by position of the bus", |m: &Grid, b| m.bus_V(b))
             .each(buses)
             .unit(Unit::PerUnit)
             .follows(network()),
-        output("bus_angle", "Voltage angle, by position of the bus", |m, b| m.bus_angle(b))
+        output("bus_angle", "Voltage angle, by position of the bus", |m: &Grid, b| m.bus_angle(b))
             .each(buses)
             .unit(Unit::Radian)
             .follows(network()),
-        output("tie_P", "Active power from the main grid", |m, _| m.tie_P())
+        output("tie_P", "Active power from the main grid", |m: &Grid, _| m.tie_P())
             .unit(Unit::PerUnit)
             .follows(network()),
-        output("tie_Q", "Reactive power from the main grid", |m, _| m.tie_Q())
+        output("tie_Q", "Reactive power from the main grid", |m: &Grid, _| m.tie_Q())
             .unit(Unit::PerUnit)
             .follows(network()),
     ]
@@ -92,31 +92,31 @@ fn outputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
 
 fn parameters(n: usize) -> Vec<Group<Grid>> {
     vec![
-        parameter("E_start", "Stored energy at the start", |m: &Grid, i| m.parameters().E_start[i], |m, i, v| {
-            m.parameters_to_set().E_start[i] = v;
+        parameter("E_start", "Stored energy at the start", |m: &Grid, i| m.parameters().E_start[i], |m: &mut Grid, i, v| {
+            m.parameters_mut().E_start[i] = v;
         })
         .each(n)
         .unit(Unit::PerUnitHour),
-        parameter("K_P", "Active power droop", |m, i| m.parameters().K_P[i], |m, i, v| {
-            m.parameters_to_set().K_P[i] = v;
+        parameter("K_P", "Active power droop", |m: &Grid, i| m.parameters().K_P[i], |m: &mut Grid, i, v| {
+            m.parameters_mut().K_P[i] = v;
         })
         .each(n)
         .unit(Unit::PerUnit)
         .range(Range::POSITIVE),
-        parameter("K_Q", "Reactive power droop", |m, i| m.parameters().K_Q[i], |m, i, v| {
-            m.parameters_to_set().K_Q[i] = v;
+        parameter("K_Q", "Reactive power droop", |m: &Grid, i| m.parameters().K_Q[i], |m: &mut Grid, i, v| {
+            m.parameters_mut().K_Q[i] = v;
         })
         .each(n)
         .unit(Unit::PerUnit)
         .range(Range::POSITIVE),
-        parameter("X_c", "Coupling reactance", |m, i| m.parameters().X_c[i], |m, i, v| {
-            m.parameters_to_set().X_c[i] = v;
+        parameter("X_c", "Coupling reactance", |m: &Grid, i| m.parameters().X_c[i], |m: &mut Grid, i, v| {
+            m.parameters_mut().X_c[i] = v;
         })
         .each(n)
         .unit(Unit::PerUnit)
         .range(Range::POSITIVE),
-        parameter("omega_c", "Cutoff frequency of the power measurement", |m, _| m.parameters().omega_c, |m, _, v| {
-            m.parameters_to_set().omega_c = v;
+        parameter("omega_c", "Cutoff frequency of the power measurement", |m: &Grid, _| m.parameters().omega_c, |m: &mut Grid, _, v| {
+            m.parameters_mut().omega_c = v;
         })
         .unit(Unit::RadianPerSecond)
         .range(Range::POSITIVE),

@@ -1,0 +1,95 @@
+//! `bess run`: couple, simulate, and leave what a person and what a script want to see.
+
+mod console;
+mod record;
+mod results;
+
+use super::{Failure, ScenarioArgs, print, results_folder};
+use crate::harness::{Cast, HarnessError, Origin};
+use crate::scenario::{self, Resolved};
+use clap::Args;
+use miette::{IntoDiagnostic, WrapErr};
+use record::{Record, record};
+use std::path::PathBuf;
+
+/// The command line of `bess run`.
+#[derive(Args)]
+#[command(after_help = "Examples:
+  bess run case1
+  bess run case1 --set control.gains.E=0 --set step_s=0.1 -o results/coarse
+  bess run mine.json --grid MyGrid.fmu
+  bess run case1 --controller fmu/BessConsensus.fmu --grid fmu/BessGrid.fmu
+
+DIR holds afterwards: trajectory.csv (time, controller.NAME, grid.NAME), summary.json, report.html.
+An FMU gets the scenario's parameters where it has parameters of the same names.")]
+pub struct RunArgs {
+    #[command(flatten)]
+    scenario: ScenarioArgs,
+    /// Folder for the results [default: results/NAME]
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// FMU in the controller's place [default: the built-in model, in process]
+    #[arg(long, value_name = "FMU")]
+    controller: Option<PathBuf>,
+    /// FMU in the grid's place [default: the built-in model, in process]
+    #[arg(long, value_name = "FMU")]
+    grid: Option<PathBuf>,
+    /// No report.html, and no variants that only the report shows
+    #[arg(long)]
+    no_report: bool,
+    /// No progress bar and no table
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Runs the scenario and its variants, and writes the results.
+pub fn run(args: &RunArgs) -> Result<(), Failure> {
+    let resolved = args.scenario.resolve()?;
+    let variants = if args.no_report { Vec::new() } else { variants(args, &resolved)? };
+    let folder = args.output.clone().unwrap_or_else(|| results_folder(&resolved.scenario.name));
+    let origin = |fmu: &Option<PathBuf>| fmu.clone().map_or(Origin::InProcess, Origin::Fmu);
+    let cast = Cast { controller: origin(&args.controller), grid: origin(&args.grid) };
+
+    let main = record(&resolved, &cast, Some(&folder), args.quiet).map_err(failed)?;
+    let mut compared: Vec<(String, Record)> = Vec::new();
+    for (label, variant) in &variants {
+        let record = record(variant, &Cast::default(), None, args.quiet).map_err(failed)?;
+        compared.push((label.clone(), record));
+    }
+    let results = results::Results::new(&resolved, &main, &compared)?;
+    results.write_summary(&folder.join("summary.json"))?;
+    if !args.no_report {
+        let report = folder.join("report.html");
+        results
+            .report(&resolved, &main, &compared)?
+            .write(&report)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("{}: the report", report.display()))?;
+    }
+    for warning in &main.outcome.warnings {
+        eprintln!("warning: {warning}");
+    }
+    if args.quiet {
+        return Ok(());
+    }
+    print(&console::table(&results, &folder, !args.no_report))
+}
+
+/// The variants of the scenario, checked before anything runs.
+fn variants(args: &RunArgs, resolved: &Resolved) -> Result<Vec<(String, Resolved)>, Failure> {
+    let of = |variant: &scenario::document::Variant| {
+        let mut set = args.scenario.assignments();
+        set.extend(variant.set.clone());
+        Ok((variant.label.clone(), Resolved::of(&resolved.source, &set).map_err(Failure::scenario)?))
+    };
+    resolved.scenario.compare.iter().map(of).collect()
+}
+
+/// A run that could not start because of what the user gave ends with code 2, one that broke with code 1.
+fn failed(error: HarnessError) -> Failure {
+    let code = match error {
+        HarnessError::Run { .. } | HarnessError::Observer(_) | HarnessError::Conversion { .. } => 1,
+        _ => 2,
+    };
+    Failure { report: miette::miette!("{error}"), code }
+}
