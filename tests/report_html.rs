@@ -177,9 +177,11 @@ fn the_sample_is_whole_and_loads_nothing() {
         assert!(!own.contains(forbidden), "the page contains {forbidden}");
     }
     assert!(own.contains("default-src 'none'"));
-    // Plotly once, and not MathJax, whose sources are half as large again.
+    // Plotly once, and not MathJax, whose own code names its element.
     assert_eq!(html.matches("plotly.js v").count(), 1);
-    assert!(!html.contains("MathJax.version") && html.len() < 8 << 20, "{} bytes", html.len());
+    assert!(!html.contains("mjx-container"));
+    assert_eq!(html.matches("<script").count(), 3);
+    assert!(html.len() < 6_500_000, "{} bytes", html.len());
     let data = figure_data(&html);
     let figures = data["figures"].as_array().unwrap();
     assert_eq!(figures.len(), 9);

@@ -143,9 +143,7 @@ impl Figure {
     fn layout(&self) -> Layout {
         let placed = self.placed_events();
         let together = self.lines.len() <= MAX_LINES_READ_TOGETHER;
-        let mut y_axis = axis(&self.y_label)
-            .hover_format(if self.log_y { ".2e" } else { ".7g" })
-            .exponent_format(if self.log_y { ExponentFormat::Power } else { ExponentFormat::SmallE });
+        let mut y_axis = axis(&self.y_label).hover_format(if self.log_y { ".2e" } else { ".7g" });
         if self.log_y {
             y_axis = y_axis.type_(AxisType::Log);
         }
@@ -161,7 +159,7 @@ impl Figure {
             .hover_label(
                 Label::new()
                     .background_color("rgba(255,255,255,0.92)")
-                    .border_color(palette::EVENT)
+                    .border_color(palette::AXIS)
                     .name_length(28)
                     .font(Font::new().family(FONT).size(12).color(palette::INK)),
             )
@@ -177,7 +175,7 @@ impl Figure {
                     .item_double_click(ItemClick::ToggleOthers)
                     .font(Font::new().size(12).color(palette::INK)),
             )
-            .x_axis(axis(&self.x_label).hover_format(".6~g").exponent_format(ExponentFormat::SmallE))
+            .x_axis(axis(&self.x_label).hover_format(".6~g"))
             .y_axis(y_axis)
             .shapes(placed.iter().map(|event| events::line(event, PLOT_HEIGHT as f64)).collect())
             .annotations(placed.iter().filter_map(events::label).collect())
@@ -189,10 +187,11 @@ fn axis(label: &str) -> Axis {
         .title(Title::with_text(escape::html(label)).font(Font::new().size(12).color(palette::INK_SOFT)))
         .auto_margin(true)
         .show_line(true)
-        .line_color(palette::EVENT)
+        .line_color(palette::AXIS)
         .line_width(1)
         .grid_color(palette::GRID)
         .zero_line(false)
+        .exponent_format(ExponentFormat::SmallE)
         .tick_font(Font::new().size(12).color(palette::INK_SOFT))
 }
 

@@ -2,11 +2,10 @@
 //! leader marked.
 
 use super::error::ReportError;
+use super::graph_labels::labels;
 use super::{escape, figure, palette};
-use plotly::common::{
-    Anchor, DashType, Dim, Font, HoverInfo, Label, Line as Stroke, Marker, MarkerSymbol, Mode,
-};
-use plotly::layout::{Annotation, Axis, HoverMode, Layout, Margin, Shape, ShapeLayer, ShapeLine, ShapeType};
+use plotly::common::{DashType, Font, HoverInfo, Label, Line as Stroke, Marker, MarkerSymbol, Mode};
+use plotly::layout::{Axis, HoverMode, Layout, Margin, Shape, ShapeLayer, ShapeLine, ShapeType};
 use plotly::{Scatter, layout::AxisRange};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
@@ -52,17 +51,14 @@ pub struct Edge {
     pub weight: f64,
 }
 
-/// With more, labels would hide the drawing; pointing at the middle of an edge shows its weight.
-const MAX_WEIGHT_LABELS: usize = 30;
-const MAX_NAME_LABELS: usize = 60;
 const EDGE: &str = "#9aa3af";
-const HEIGHT: usize = 420;
+pub(super) const HEIGHT: usize = 440;
 
-/// The extent of the drawing.
+/// An extent: of the agents, or of the drawing with room around them.
 #[derive(Clone, Copy)]
-struct Frame {
-    x: (f64, f64),
-    y: (f64, f64),
+pub(super) struct Frame {
+    pub x: (f64, f64),
+    pub y: (f64, f64),
     span: f64,
 }
 
@@ -134,7 +130,7 @@ impl GraphFigure {
         }
     }
 
-    fn at(&self, node: usize) -> Option<(f64, f64)> {
+    pub(super) fn at(&self, node: usize) -> Option<(f64, f64)> {
         self.nodes.get(node).map(|n| (n.x, n.y))
     }
 
@@ -155,7 +151,18 @@ impl GraphFigure {
     fn virtual_leader(&self, frame: Frame) -> Option<(f64, f64)> {
         let pinned: Vec<f64> = self.pins.iter().filter_map(|&pin| self.at(pin)).map(|at| at.0).collect();
         let count = pinned.len();
-        (count > 0).then(|| (pinned.iter().sum::<f64>() / count as f64, frame.y.1 + 0.26 * frame.span))
+        (count > 0).then(|| (pinned.iter().sum::<f64>() / count as f64, frame.y.1 + 0.15 * frame.span))
+    }
+
+    /// What the axes show: the agents and the virtual leader, with room for names.
+    fn range(&self, frame: Frame, leader: Option<(f64, f64)>) -> Frame {
+        let pad = 0.11 * frame.span;
+        let top = leader.map_or(frame.y.1, |(_, y)| y.max(frame.y.1));
+        Frame {
+            x: (frame.x.0 - pad, frame.x.1 + pad),
+            y: (frame.y.0 - pad, top + pad),
+            span: frame.span + 2.0 * pad,
+        }
     }
 
     fn edge_middles(&self) -> Result<Value, ReportError> {
@@ -198,8 +205,7 @@ impl GraphFigure {
     }
 
     fn layout(&self, frame: Frame, leader: Option<(f64, f64)>) -> Layout {
-        let pad = 0.2 * frame.span;
-        let top = leader.map_or(frame.y.1, |(_, y)| y.max(frame.y.1));
+        let range = self.range(frame, leader);
         let hidden = || Axis::new().visible(false).fixed_range(false);
         Layout::new()
             .auto_size(true)
@@ -209,17 +215,17 @@ impl GraphFigure {
             .paper_background_color("#ffffff")
             .plot_background_color("#ffffff")
             .hover_mode(HoverMode::Closest)
-            .hover_label(Label::new().background_color("#ffffff").border_color(palette::EVENT))
+            .hover_label(Label::new().background_color("#ffffff").border_color(palette::AXIS))
             .show_legend(false)
-            .x_axis(hidden().range(AxisRange::new(frame.x.0 - pad, frame.x.1 + pad)))
+            .x_axis(hidden().range(AxisRange::new(range.x.0, range.x.1)))
             .y_axis(
                 hidden()
-                    .range(AxisRange::new(frame.y.0 - pad, top + pad))
+                    .range(AxisRange::new(range.y.0, range.y.1))
                     .scale_anchor("x".to_owned())
                     .scale_ratio(1.0),
             )
             .shapes(self.shades(frame))
-            .annotations(self.labels(leader))
+            .annotations(labels(self, leader, range))
     }
 
     /// A light rectangle behind each cluster.
@@ -230,7 +236,7 @@ impl GraphFigure {
             *corner =
                 [corner[0].min(node.x), corner[1].min(node.y), corner[2].max(node.x), corner[3].max(node.y)];
         }
-        let pad = 0.1 * frame.span;
+        let pad = 0.07 * frame.span;
         let shade = |c: &[f64; 4]| {
             Shape::new()
                 .shape_type(ShapeType::Rect)
@@ -245,32 +251,6 @@ impl GraphFigure {
                 .line(ShapeLine::new().color(palette::GRID).width(1.0))
         };
         boxes.values().map(shade).collect()
-    }
-
-    fn labels(&self, leader: Option<(f64, f64)>) -> Vec<Annotation> {
-        let mut labels = Vec::new();
-        if self.edges.len() <= MAX_WEIGHT_LABELS {
-            for edge in &self.edges {
-                if let (Some(a), Some(b)) = (self.at(edge.a), self.at(edge.b)) {
-                    let text = super::format_value(edge.weight, 2);
-                    labels.push(label(
-                        ((a.0 + b.0) / 2.0, (a.1 + b.1) / 2.0),
-                        &text,
-                        0.0,
-                        palette::INK_SOFT,
-                        11,
-                    ));
-                }
-            }
-        }
-        if self.nodes.len() <= MAX_NAME_LABELS {
-            for node in &self.nodes {
-                let text = escape::short_label(&node.name, 24);
-                labels.push(label((node.x, node.y), &text, -22.0, palette::INK, 12));
-            }
-        }
-        labels.extend(leader.map(|at| label(at, "virtual leader 0", 20.0, palette::INK, 12)));
-        labels
     }
 }
 
@@ -302,20 +282,6 @@ fn virtual_mark(at: (f64, f64)) -> Result<Value, ReportError> {
         .hover_info(HoverInfo::Text)
         .show_legend(false);
     Ok(serde_json::to_value(scatter)?)
-}
-
-fn label(at: (f64, f64), text: &str, shift_px: f64, color: &'static str, size: usize) -> Annotation {
-    Annotation::new()
-        .text(text)
-        .show_arrow(false)
-        .x(at.0)
-        .y(at.1)
-        .x_anchor(Anchor::Center)
-        .y_anchor(Anchor::Middle)
-        .y_shift(shift_px)
-        .border_pad(1.0)
-        .background_color("rgba(255,255,255,0.85)")
-        .font(Font::new().size(size).color(color))
 }
 
 #[cfg(test)]

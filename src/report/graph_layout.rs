@@ -4,6 +4,9 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
+/// Pages are wide and names are written across: the rings become ellipses.
+const STRETCH: f64 = 1.6;
+
 /// Positions (x, y), in arbitrary units, for agents of these clusters. `groups` holds the cluster of
 /// each agent, `is_leader` (missing entries are `false`) whether it is its cluster's active leader.
 pub fn cluster_layout(groups: &[usize], is_leader: &[bool]) -> Vec<(f64, f64)> {
@@ -27,7 +30,7 @@ pub fn cluster_layout(groups: &[usize], is_leader: &[bool]) -> Vec<(f64, f64)> {
         for (k, &agent) in agents.iter().enumerate() {
             let angle = inward + TAU * (k as f64 - lead as f64) / agents.len() as f64;
             if let Some(position) = positions.get_mut(agent) {
-                *position = (centre_x + r * angle.cos(), centre_y + r * angle.sin());
+                *position = (STRETCH * (centre_x + r * angle.cos()), centre_y + r * angle.sin());
             }
         }
     }

@@ -13,6 +13,7 @@ mod escape;
 mod events;
 mod figure;
 mod graph;
+mod graph_labels;
 mod graph_layout;
 mod page;
 mod palette;

@@ -2,7 +2,7 @@
 //! security policy in the page forbids it to load anything from anywhere.
 
 use super::error::ReportError;
-use super::{Figure, GraphFigure, Item, Report, Section, Table, escape};
+use super::{Item, Report, Section, Table, escape};
 use plotly::Plot;
 use plotly::configuration::{
     Configuration, DisplayModeBar, DoubleClick, ImageButtonFormats, ModeBarButtonName, ToImageButtonOptions,
@@ -103,30 +103,35 @@ fn write_section(html: &mut String, section: &Section, figures: &mut Vec<Value>)
     for item in &section.items {
         match item {
             Item::Table(table) => write_table(html, table)?,
-            Item::Figure(Figure { title, note, .. }) | Item::Graph(GraphFigure { title, note, .. }) => {
-                let (mut json, height) = match item {
-                    Item::Figure(figure) => (figure.to_json()?, figure.height()),
-                    Item::Graph(graph) => (graph.to_json()?, graph.height()),
-                    Item::Table(_) => continue,
-                };
-                let id = format!("figure-{}", figures.len() + 1);
-                let title = escape::html(title);
-                put(html, format_args!("<figure>\n<figcaption>{title}</figcaption>\n"));
-                put(
-                    html,
-                    format_args!("<div class=\"plot\" id=\"{id}\" style=\"height:{height}px\"></div>\n"),
-                );
-                if !note.is_empty() {
-                    put(html, format_args!("<p class=\"note\">{}</p>\n", escape::html(note)));
-                }
-                html.push_str("</figure>\n");
-                json.insert("id".to_owned(), Value::String(id));
-                figures.push(Value::Object(json));
+            Item::Figure(figure) => {
+                let id = write_place(html, figures.len(), &figure.title, figure.height(), &figure.note);
+                figures.push(with_id(figure.to_json()?, id));
+            }
+            Item::Graph(graph) => {
+                let id = write_place(html, figures.len(), &graph.title, graph.height(), &graph.note);
+                figures.push(with_id(graph.to_json()?, id));
             }
         }
     }
     html.push_str("</section>\n");
     Ok(())
+}
+
+/// Leaves room for a figure, so that nothing moves when it is drawn; gives the name of the place.
+fn write_place(html: &mut String, before: usize, title: &str, height: usize, note: &str) -> String {
+    let id = format!("figure-{}", before + 1);
+    put(html, format_args!("<figure>\n<figcaption>{}</figcaption>\n", escape::html(title)));
+    put(html, format_args!("<div class=\"plot\" id=\"{id}\" style=\"height:{height}px\"></div>\n"));
+    if !note.is_empty() {
+        put(html, format_args!("<p class=\"note\">{}</p>\n", escape::html(note)));
+    }
+    html.push_str("</figure>\n");
+    id
+}
+
+fn with_id(mut figure: Map<String, Value>, id: String) -> Value {
+    figure.insert("id".to_owned(), Value::String(id));
+    Value::Object(figure)
 }
 
 fn write_table(html: &mut String, table: &Table) -> Result<(), ReportError> {
@@ -140,11 +145,11 @@ fn write_table(html: &mut String, table: &Table) -> Result<(), ReportError> {
             });
         }
     }
-    // A column is set flush right when its cells are numbers, dashes for absent ones included.
+    // A column is set flush right when its cells are numbers, whatever else stands among them.
     let numeric = |c: usize| {
         let cells = || table.rows.iter().filter_map(|row| row.get(c));
         let number = |cell: &str| cell.parse::<f64>().is_ok();
-        cells().any(|cell| number(cell)) || (c > 0 && cells().all(|cell| cell == "\u{2013}"))
+        cells().any(|cell| number(cell))
     };
     let class = |c: usize| if numeric(c) { " class=\"number\"" } else { "" };
     put(html, format_args!("<div class=\"table\"><table>\n"));

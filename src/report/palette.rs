@@ -15,8 +15,10 @@ pub(super) const INK: &str = "#1f2937";
 pub(super) const INK_SOFT: &str = "#4b5563";
 /// Grid lines.
 pub(super) const GRID: &str = "#e5e7eb";
+/// Axes.
+pub(super) const AXIS: &str = "#9ca3af";
 /// Event lines.
-pub(super) const EVENT: &str = "#9ca3af";
+pub(super) const EVENT: &str = "#6b7280";
 
 /// Colour of the BESS with this index, counted from 0, as `#rrggbb`.
 pub fn color_of(index: usize) -> &'static str {

@@ -192,26 +192,26 @@ fn spread(values: impl Iterator<Item = f64>) -> f64 {
 pub fn phase_table(phases: &[Phase], agents: &Agents, options: &PhaseOptions) -> Item {
     let energy = if agents.capacity.is_empty() { "E spread (pu\u{b7}h)" } else { "SoC spread" };
     let header = [
-        "from",
+        "phase",
         "t (s)",
-        "peak |\u{3c9}\u{2212}\u{3c9}_ref|",
-        "|\u{3c9}\u{2212}\u{3c9}_ref|",
+        "peak \u{3c9} error",
+        "\u{3c9} error",
         "K_P P spread",
         "K_Q Q spread",
         energy,
-        "|V\u{2212}V_ref|",
+        "V error",
         "\u{3c9} settled (s)",
         "T_\u{3c9} (s)",
         "P settled (s)",
         "T_P (s)",
     ];
     let value = |v: f64| format_value(v, 3);
-    let settled = |t: Option<f64>| t.map_or_else(|| "not settled".to_owned(), |t| format!("{t:.2}"));
+    let settled = |t: Option<f64>| t.map_or_else(|| "no".to_owned(), |t| format!("{t:.2}"));
     let certified = |t: Option<f64>| t.map_or_else(|| "\u{2013}".to_owned(), |t| format!("{t:.2}"));
     let row = |phase: &Phase| {
         vec![
             phase.name.clone(),
-            format!("{}\u{2013}{}", format_value(phase.from_s, 6), format_value(phase.to_s, 6)),
+            format!("{}\u{a0}\u{2013}\u{a0}{}", format_value(phase.from_s, 6), format_value(phase.to_s, 6)),
             value(phase.omega_peak),
             value(phase.omega_error),
             value(phase.p_spread),
@@ -226,8 +226,9 @@ pub fn phase_table(phases: &[Phase], agents: &Agents, options: &PhaseOptions) ->
     };
     Item::Table(Table {
         caption: format!(
-            "Worst over all BESS at the end of each phase, per unit. Settled: within {} (\u{3c9}) and {} (K_P P \
-             about its mean) until the next event, counted from the event. T_\u{3c9}, T_P: certified times, the \
+            "Worst over all BESS, per unit, at the end of each phase (peak: within it). Errors are against the \
+             references; spreads are largest minus smallest. Settled: time after the event from which \u{3c9} stays \
+             within {} of its reference, and K_P P within {} of its mean. T_\u{3c9}, T_P: certified times, the \
              largest of the phase; on a grid they are estimates.",
             format_value(options.omega_tolerance, 3),
             format_value(options.p_tolerance, 3)
