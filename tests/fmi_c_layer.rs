@@ -14,6 +14,7 @@ use importer::*;
 use std::collections::BTreeSet;
 use std::ffi::{CStr, c_char};
 use std::ptr::{null, null_mut};
+use std::rc::Rc;
 
 bess_consensus::export_fmi2!(Mock);
 
@@ -34,25 +35,19 @@ fn reference(n: usize, name: &str) -> u32 {
 /// A component with two lags and its record; freed at the end.
 struct Fmu {
     c: fmi2Component,
-    record: Box<Record>,
-    _callbacks: Box<fmi2CallbackFunctions>,
+    record: Rc<Record>,
     _resources: Resources,
 }
 
 impl Fmu {
     fn new() -> Self {
         let resources = Resources::new(2);
-        let record = Box::new(Record::default());
-        let callbacks = Box::new(callbacks(&record));
-        let c = instantiate(
-            "fmu",
-            &guid(2, Interface::Structured),
-            &resources.uri(),
-            &raw const *callbacks,
-            true,
-        );
+        let record = Rc::new(Record::default());
+        let callbacks = callbacks(&record);
+        let c =
+            instantiate("fmu", &guid(2, Interface::Structured), &resources.uri(), &raw const callbacks, true);
         assert!(!c.is_null(), "{:?}", record.lines);
-        Fmu { c, record, _callbacks: callbacks, _resources: resources }
+        Fmu { c, record, _resources: resources }
     }
 
     fn started() -> Self {

@@ -7,7 +7,12 @@ use bess_consensus::fmi::{
     Variability,
 };
 use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::Path;
+
+#[cfg(test)]
+mod resources;
+#[cfg(test)]
+pub use resources::Resources;
 
 /// What goes wrong, by the value of the input `fault`.
 pub const STEP_PANICS: i32 = 1;
@@ -226,24 +231,5 @@ impl Mock {
             self.0.y[i] = self.0.x[i] + self.0.u[i];
         }
         self.0.total = self.0.u.iter().sum();
-    }
-}
-
-/// A resources folder for n lags.
-pub struct Resources(pub tempfile::TempDir);
-
-impl Resources {
-    pub fn new(n: usize) -> Self {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        std::fs::write(folder.path().join("n.txt"), n.to_string()).expect("n.txt is written");
-        Resources(folder)
-    }
-
-    pub fn path(&self) -> PathBuf {
-        self.0.path().to_owned()
-    }
-
-    pub fn uri(&self) -> String {
-        format!("file://{}", self.0.path().display())
     }
 }
