@@ -4,7 +4,7 @@ use crate::{
     bindings,
     error::Failure,
     fmu::{self, CONTROLLER, GRID},
-    process::{command, run as start},
+    process::{command, output, run as start},
     workspace::Workspace,
 };
 use clap::ValueEnum;
@@ -16,6 +16,8 @@ pub enum Generated {
     Bindings,
     /// modelDescription/*.xml, out of the packed FMUs.
     ModelDescription,
+    /// schema/scenario.schema.json, from `bess schema`.
+    Schema,
 }
 
 /// Writes what is asked for; all, if nothing is named.
@@ -24,15 +26,20 @@ pub fn run(workspace: &Workspace, what: &[Generated]) -> Result<(), Failure> {
     if wanted(Generated::Bindings) {
         bindings::write(workspace)?;
     }
+    if wanted(Generated::ModelDescription) || wanted(Generated::Schema) {
+        fmu::build_and_pack(workspace)?;
+    }
     if wanted(Generated::ModelDescription) {
         model_descriptions(workspace)?;
+    }
+    if wanted(Generated::Schema) {
+        schema(workspace)?;
     }
     Ok(())
 }
 
 /// Takes each modelDescription.xml out of its archive, so that the files are those that a user gets.
 fn model_descriptions(workspace: &Workspace) -> Result<(), Failure> {
-    fmu::build_and_pack(workspace)?;
     let folder = workspace.root.join("modelDescription");
     std::fs::create_dir_all(&folder).map_err(Failure::file("make", &folder))?;
     for (archive, name) in [(CONTROLLER, "BessConsensus"), (GRID, "BessGrid")] {
@@ -42,5 +49,16 @@ fn model_descriptions(workspace: &Workspace) -> Result<(), Failure> {
         std::fs::copy(&from, &to).map_err(Failure::file("copy", &from))?;
         println!("modelDescription/{name}.xml");
     }
+    Ok(())
+}
+
+/// Writes down what `bess schema` prints.
+fn schema(workspace: &Workspace) -> Result<(), Failure> {
+    let text = output(command(workspace, workspace.bess()).arg("schema"))?;
+    let folder = workspace.root.join("schema");
+    std::fs::create_dir_all(&folder).map_err(Failure::file("make", &folder))?;
+    let file = folder.join("scenario.schema.json");
+    std::fs::write(&file, text).map_err(Failure::file("write", &file))?;
+    println!("schema/scenario.schema.json");
     Ok(())
 }

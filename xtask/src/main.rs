@@ -30,11 +30,12 @@ struct Arguments {
 const EXAMPLES: &str = "Examples:
   cargo xtask run case1                     build both FMUs, couple them, write results/case1/
   cargo xtask run my.json -- --help         what else `bess run` takes
-  cargo xtask fmu                           only build and pack fmu/BessConsensus.fmu and fmu/BessGrid.fmu
+  cargo xtask fmu                           only build both and pack them into fmu/
   cargo xtask test                          everything
   cargo xtask test --only fmt,clippy        two stages of it
   cargo xtask test --only fmpy -- -k reset  one stage, with arguments for pytest
-  cargo xtask bench                         speed against the bars, target/bench/summary.json";
+  cargo xtask bench                         speed against the bars, target/bench/summary.json
+  cargo xtask generate schema               write schema/scenario.schema.json anew";
 
 #[derive(Subcommand)]
 enum Task {
@@ -67,7 +68,7 @@ enum Task {
         #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=1000))]
         runs: u32,
     },
-    /// Write the generated files that are checked in: src/fmi/bindings.rs, modelDescription/*.xml.
+    /// Write anew the generated files that are checked in.
     Generate {
         /// Only these.
         #[arg(value_enum, value_name = "WHAT")]

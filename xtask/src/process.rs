@@ -62,11 +62,17 @@ fn shown(command: &Command) -> String {
     let root = command.get_current_dir().unwrap_or(Path::new(""));
     let program = Path::new(command.get_program());
     // The full path of cargo or python says nothing to a reader; a path in the workspace does.
-    let program = match program.strip_prefix(root) {
-        Ok(inside) => inside.as_os_str(),
-        Err(_) => program.file_name().unwrap_or(program.as_os_str()),
+    let program = match inside(root, command.get_program()) {
+        Some(path) => path,
+        None => program.file_name().unwrap_or(program.as_os_str()),
     };
-    std::iter::once(program).chain(command.get_args()).map(quoted).collect::<Vec<_>>().join(" ")
+    let arguments = command.get_args().map(|argument| inside(root, argument).unwrap_or(argument));
+    std::iter::once(program).chain(arguments).map(quoted).collect::<Vec<_>>().join(" ")
+}
+
+/// The rest of a path that lies in this folder.
+fn inside<'a>(folder: &Path, path: &'a OsStr) -> Option<&'a OsStr> {
+    Path::new(path).strip_prefix(folder).ok().map(Path::as_os_str)
 }
 
 fn quoted(argument: &OsStr) -> String {
@@ -89,8 +95,8 @@ mod tests {
         command.current_dir("/somewhere").args(["test", "it's", "", "a/b.json"]);
         assert_eq!(shown(&command), r"cargo test 'it'\''s' '' a/b.json");
         let mut inside = Command::new("/somewhere/target/release/bess");
-        inside.current_dir("/somewhere");
-        assert_eq!(shown(&inside), "target/release/bess");
+        inside.current_dir("/somewhere").args(["-o", "/somewhere/results", "/else/where"]);
+        assert_eq!(shown(&inside), "target/release/bess -o results /else/where");
     }
 
     #[test]
