@@ -14,13 +14,15 @@ pub struct PhaseOptions {
     pub omega_tolerance: f64,
     /// Sharing has settled when every abs(p_i - mean(p)) is at most this, pu.
     pub p_tolerance: f64,
+    /// Length of the stretch before the end of a phase over which its remaining errors are taken, s.
+    pub window_s: f64,
     /// Instant from which the controller is enabled, s; certified times before it mean nothing.
     pub active_from_s: f64,
 }
 
 impl Default for PhaseOptions {
     fn default() -> Self {
-        Self { omega_tolerance: 1e-6, p_tolerance: 1e-5, active_from_s: f64::NEG_INFINITY }
+        Self { omega_tolerance: 1e-5, p_tolerance: 1e-5, window_s: 5.0, active_from_s: f64::NEG_INFINITY }
     }
 }
 
@@ -35,15 +37,15 @@ pub struct Phase {
     pub to_s: f64,
     /// Largest abs(omega_i - omega_ref) over the phase, pu.
     pub omega_peak: f64,
-    /// Largest abs(omega_i - omega_ref) at its end, pu.
+    /// Largest abs(omega_i - omega_ref) in the last `window_s` before its end, pu.
     pub omega_error: f64,
-    /// Spread of K_P_i (P_i - P_set_i) at its end, pu.
+    /// Spread of K_P_i (P_i - P_set_i) in the last `window_s` before its end, pu.
     pub p_spread: f64,
-    /// Spread of K_Q_i (Q_i - Q_set_i) at its end, pu.
+    /// Spread of K_Q_i (Q_i - Q_set_i) in the last `window_s` before its end, pu.
     pub q_spread: f64,
-    /// Spread of E_i / C_i at its end where capacities are known, else of E_i, pu*h.
+    /// Spread of E_i / C_i likewise where capacities are known, else of E_i, pu*h.
     pub e_spread: f64,
-    /// Largest abs(V_i - V_ref) at its end, pu.
+    /// Largest abs(V_i - V_ref) in the last `window_s` before its end, pu.
     pub V_error: f64,
     /// Time from its begin after which omega stays within the tolerance, s; none if it does not settle.
     pub omega_settled_s: Option<f64>,
@@ -131,7 +133,8 @@ impl Data<'_> {
         agents: &Agents,
         options: &PhaseOptions,
     ) -> Phase {
-        let end = samples.end - 1;
+        let tail = self.time.partition_point(|t| *t < to_s - options.window_s);
+        let window = tail.clamp(samples.start, samples.end - 1)..samples.end;
         let omega_at = |k: usize| worst(at(&self.omega, k).map(|v| v - agents.omega_ref));
         let p_at = |k: usize| {
             let mean = at(&self.p, k).sum::<f64>() / self.p.len() as f64;
@@ -148,21 +151,20 @@ impl Data<'_> {
             let values = column.filter(|_| from_s >= options.active_from_s)?.get(samples.clone())?;
             values.iter().copied().filter(|v| v.is_finite()).reduce(f64::max)
         };
-        let energy: Vec<f64> = if agents.capacity.is_empty() {
-            at(&self.E, end).collect()
-        } else {
-            at(&self.E, end).zip(&agents.capacity).map(|(e, c)| e / c).collect()
+        let energy_at = |k: usize| match agents.capacity.as_slice() {
+            [] => spread(at(&self.E, k)),
+            capacity => spread(at(&self.E, k).zip(capacity).map(|(e, c)| e / c)),
         };
         Phase {
             name: name.to_owned(),
             from_s,
             to_s,
             omega_peak: worst(samples.clone().map(omega_at)),
-            omega_error: omega_at(end),
-            p_spread: spread(at(&self.p, end)),
-            q_spread: spread(at(&self.q, end)),
-            e_spread: spread(energy.into_iter()),
-            V_error: worst(at(&self.V, end).map(|v| v - agents.V_ref)),
+            omega_error: worst(window.clone().map(omega_at)),
+            p_spread: worst(window.clone().map(|k| spread(at(&self.p, k)))),
+            q_spread: worst(window.clone().map(|k| spread(at(&self.q, k)))),
+            e_spread: worst(window.clone().map(energy_at)),
+            V_error: worst(window.clone().map(|k| worst(at(&self.V, k).map(|v| v - agents.V_ref)))),
             omega_settled_s: settled(&omega_at, options.omega_tolerance),
             p_settled_s: settled(&p_at, options.p_tolerance),
             T_omega: certified(self.T_omega),
@@ -226,10 +228,11 @@ pub fn phase_table(phases: &[Phase], agents: &Agents, options: &PhaseOptions) ->
     };
     Item::Table(Table {
         caption: format!(
-            "Worst over all BESS, per unit, at the end of each phase (peak: within it). Errors are against the \
+            "Worst over all BESS, per unit, over the last {} s of each phase (peak: over all of it). Errors are against the \
              references; spreads are largest minus smallest. Settled: time after the event from which \u{3c9} stays \
              within {} of its reference, and K_P P within {} of its mean. T_\u{3c9}, T_P: certified times, the \
              largest of the phase; on a grid they are estimates.",
+            format_value(options.window_s, 3),
             format_value(options.omega_tolerance, 3),
             format_value(options.p_tolerance, 3)
         ),

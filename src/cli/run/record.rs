@@ -21,7 +21,7 @@ pub struct Record {
     plan: Plan,
     memory: Memory,
     time_s: Vec<f64>,
-    measured: Vec<(String, Vec<f64>)>,
+    named: Vec<(String, Vec<f64>)>,
 }
 
 /// Runs a scenario; with a folder, `trajectory.csv` is written there while it runs.
@@ -52,20 +52,19 @@ pub fn record(
     bar.finish_and_clear();
     let outcome = outcome?;
     let time_s = memory.times_ns().iter().map(|t| *t as f64 * 1e-9).collect();
-    let measured = measured(&plan, &memory, resolved.control.agents());
-    Ok(Record { outcome, plan, memory, time_s, measured })
+    let mut named = measured(&plan, &memory, resolved.control.agents());
+    for column in memory.columns().iter().filter(|c| c.participant == CONTROLLER) {
+        let values = memory.values(CONTROLLER, &column.variable).unwrap_or_default();
+        named.push((column.label(), values.to_vec()));
+    }
+    Ok(Record { outcome, plan, memory, time_s, named })
 }
 
 impl Record {
     /// What was recorded, by name. What the agents measure is there as `grid.P[i]`, ... in the
     /// controller's units, whatever the grid calls it.
     pub fn columns(&self) -> Result<Columns<'_>, ReportError> {
-        let own = self.memory.columns().iter().filter(|c| c.participant == CONTROLLER);
-        let named: Vec<(String, &[f64])> = own
-            .filter_map(|c| Some((c.label(), self.memory.values(&c.participant, &c.variable)?)))
-            .collect();
-        let measured = self.measured.iter().map(|(name, values)| (name.as_str(), values.as_slice()));
-        Columns::new(&self.time_s, named.iter().map(|(name, values)| (name.as_str(), *values)).chain(measured))
+        Columns::new(&self.time_s, self.named.iter().map(|(name, values)| (name.as_str(), values.as_slice())))
     }
 
     /// max abs(sum of P_set) over all communication points, pu.
