@@ -1,6 +1,12 @@
 //! Network data and power flow: MATPOWER's own format against the JSON of the same case, damaged text,
 //! and the power flow against the balance of every bus and the solution listed with the IEEE case.
 #![cfg(feature = "grid")]
+#![allow(
+    non_snake_case,
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "tests: the paper's letters; a failure may panic"
+)]
 
 use bess_consensus::grid::{Case, Start, power_flow};
 use proptest::prelude::*;

@@ -1,6 +1,12 @@
 //! Properties of the grid model: fixed point, energy balance, step-size independence, both network
 //! methods, load models, states.
 #![cfg(feature = "grid")]
+#![allow(
+    non_snake_case,
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "tests: the paper's letters; a failure may panic"
+)]
 
 use bess_consensus::grid::{
     Case, Config, GridError, GridModel, LoadModel, NetworkMethod, State, electrical_distances,
@@ -21,6 +27,13 @@ fn run(model: &mut GridModel, from_ns: i64, to_ns: i64, h_ns: i64) {
         model.step(t, h_ns).unwrap();
         t += h_ns;
     }
+}
+
+/// What the FMI shell asks of a model.
+#[test]
+fn the_model_can_be_cloned_and_sent() {
+    fn asks<T: Clone + Send + 'static>() {}
+    asks::<GridModel>();
 }
 
 /// P, Q, V, omega of all BESS.
@@ -47,10 +60,14 @@ fn the_steady_state_is_a_fixed_point() {
             model.initialise().unwrap();
             let before = outputs(&model);
             let E: Vec<f64> = (0..7).map(|i| model.E(i)).collect();
-            run(&mut model, 0, 10 * S, 10 * MS);
-            let moved = difference(&outputs(&model), &before);
-            println!("{load_model:?}, tie {tie_closed_start}: moved {moved:.2e}");
-            assert!(moved < 1e-9, "{load_model:?}, tie {tie_closed_start}: moved {moved:.2e}");
+            let start = model.state().clone();
+            for h in [10 * MS, 10 * S] {
+                model.set_state(&start).unwrap();
+                run(&mut model, 0, 10 * S, h);
+                let moved = difference(&outputs(&model), &before);
+                println!("{load_model:?}, tie {tie_closed_start}, {} ms: moved {moved:.2e}", h / MS);
+                assert!(moved < 1e-9, "{load_model:?}, tie {tie_closed_start}: moved {moved:.2e}");
+            }
             for i in 0..7 {
                 assert!((model.E(i) - (E[i] - model.P(i) * 10.0 / 3600.0)).abs() < 1e-9);
             }

@@ -1,5 +1,11 @@
 //! A step allocates nothing, with either network method, load steps and tie switching included.
 #![cfg(feature = "grid")]
+#![allow(
+    non_snake_case,
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "tests: the paper's letters; a failure may panic"
+)]
 
 use bess_consensus::grid::{Config, GridModel, LoadModel, NetworkMethod};
 use std::alloc::{GlobalAlloc, Layout, System};
