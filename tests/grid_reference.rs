@@ -1,5 +1,11 @@
 //! The grid model against trajectories of an independent solver, at every sample, 1e-6.
 #![cfg(feature = "grid")]
+#![allow(
+    non_snake_case,
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "tests: the paper's letters; a failure may panic"
+)]
 
 use bess_consensus::grid::{Bess, CaseSource, Config, GridModel, Tie};
 use serde_json::Value;

@@ -247,7 +247,10 @@ impl Case {
             status(path("status"), generator.status)?;
             finite(|| path("pg"), generator.pg)?;
             finite(|| path("qg"), generator.qg)?;
-            if generator.status == 1 {
+            let holds_voltage = positions
+                .get(&generator.bus)
+                .is_some_and(|&at| self.bus[at].kind == PV || self.bus[at].kind == REFERENCE);
+            if generator.status == 1 && holds_voltage {
                 positive(|| path("vg"), generator.vg)?;
             }
         }

@@ -30,6 +30,8 @@ pub mod error;
 pub mod integrator;
 pub mod load;
 pub mod lu;
+pub mod matpower;
+mod matpower_text;
 pub mod model;
 pub mod network;
 pub mod plant;

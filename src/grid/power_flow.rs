@@ -99,7 +99,7 @@ struct Mismatch {
 
 impl Mismatch {
     fn see(&mut self, value: f64, quantity: &'static str, bus: usize) {
-        if self.size.is_finite() && !(value.abs() <= self.size) {
+        if self.size.is_finite() && (value.is_nan() || value.abs() > self.size) {
             *self = Self { size: value.abs(), quantity, bus };
         }
     }
