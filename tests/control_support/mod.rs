@@ -156,12 +156,22 @@ pub struct Loop {
     pub controller: Controller,
     pub plant: Sample,
     pub now_ns: i64,
+    /// Whether P empties the batteries, as it does.
+    pub discharging: bool,
+    /// What rounding took from E: thousands of equal steps round the same way.
+    pub lost_E: Vec<f64>,
 }
 
 impl Loop {
     pub fn new(config: Config, start: &Sample) -> Self {
         let controller = Controller::new(config).unwrap();
-        let mut coupled = Self { controller, plant: start.clone(), now_ns: 0 };
+        let mut coupled = Self {
+            controller,
+            plant: start.clone(),
+            now_ns: 0,
+            discharging: true,
+            lost_E: vec![0.0; start.E.len()],
+        };
         coupled.tell();
         coupled.controller.refresh(&mut |_| {});
         coupled
@@ -187,7 +197,11 @@ impl Loop {
         let out = self.controller.outputs();
         let plant = &mut self.plant;
         for i in 0..plant.P.len() {
-            plant.E[i] += h * (out.u_E[i] - plant.P[i] / 3600.0);
+            let drain = if self.discharging { plant.P[i] / 3600.0 } else { 0.0 };
+            let step = h * (out.u_E[i] - drain) + self.lost_E[i];
+            let E = plant.E[i] + step;
+            self.lost_E[i] = step - (E - plant.E[i]);
+            plant.E[i] = E;
             plant.P[i] += h * out.u_P[i];
             plant.Q[i] += h * out.u_Q[i];
             plant.omega[i] = out.omega_set[i] - plant.P[i];
