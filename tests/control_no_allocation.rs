@@ -1,7 +1,7 @@
 //! A step allocates nothing, whatever is switched on. This file has a counting allocator, hence its own
 //! process.
 #![cfg(feature = "controller")]
-#![allow(non_snake_case)]
+#![allow(non_snake_case, clippy::unwrap_used, clippy::panic)]
 
 mod control_support;
 

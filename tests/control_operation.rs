@@ -1,6 +1,6 @@
 //! The controller in operation: rollback, plug and play, topology changes, delays, losses, limits.
 #![cfg(feature = "controller")]
-#![allow(non_snake_case)]
+#![allow(non_snake_case, clippy::unwrap_used, clippy::panic)]
 
 mod control_support;
 
@@ -415,4 +415,29 @@ fn the_exchange_respects_its_limits_edge_by_edge() {
         uneven,
     );
     assert_eq!(empty, [0.0; 4]);
+}
+
+/// Not run by default: how long a step of a million agents takes, and that nothing grows with n^2.
+#[test]
+#[ignore = "a measurement, not a check"]
+fn a_million_agents() {
+    let n = 1_000_000;
+    let mut random = Random(31);
+    let mut edges: Vec<_> = (0..n).map(|i| edge(i, (i + 1) % n, 1.0)).collect();
+    edges.extend((0..n / 2).map(|i| edge(i, i + n / 2 - 7, random.within(0.3, 1.0))));
+    let pins = (0..n).step_by(100).map(|i| pin(i, 1.0)).collect();
+    let started = std::time::Instant::now();
+    let mut controller = Controller::new(Config::unit(n, explicit(edges, pins))).unwrap();
+    println!("made in {:.1?}, {:?}", started.elapsed(), controller.spectrum().P.lambda);
+    let inputs = controller.inputs_mut();
+    (inputs.P, inputs.omega) = (random.values(n, 0.5, 1.5), random.values(n, 0.9, 1.1));
+    let started = std::time::Instant::now();
+    for k in 0..5 {
+        controller.step(k * 10_000_000, 10_000_000, &mut |_| {});
+    }
+    println!(
+        "{:.1?} a step, sum of P_set {:.1e}",
+        started.elapsed() / 5,
+        controller.outputs().P_set.iter().sum::<f64>()
+    );
 }

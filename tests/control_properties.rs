@@ -1,7 +1,7 @@
 //! Properties that hold on every graph: certificates, information flow, symmetry, stability of the capped
 //! law for every step, clusters that were planted.
 #![cfg(feature = "controller")]
-#![allow(non_snake_case)]
+#![allow(non_snake_case, clippy::unwrap_used, clippy::panic)]
 
 mod control_support;
 
@@ -114,7 +114,7 @@ fn the_inequality_behind_the_certificates_holds_on_10000_graphs() {
 ///
 /// Sampling is allowed for by the boundary layer alone: an edge is capped where abs(d)^(1-eta) is below
 /// theta w (1 + deg), so norm(e)^(1-eta) may lag by that much times n^((1-eta)/2) (n agents at that
-/// distance); the step is chosen such that this is 5 % of the start. The run ends when the error is inside.
+/// distance); the step is chosen such that this is 10 % of the start. The run ends when the error is inside.
 #[test]
 fn no_sampled_trajectory_is_slower_than_its_certificate() {
     let mut random = Random(2);
@@ -135,7 +135,7 @@ fn no_sampled_trajectory_is_slower_than_its_certificate() {
         let T = settling_time(norm(&e), lambda, eta);
         let start = norm(&e).powf(1.0 - eta);
         let crowd = (n as f64).powf(0.5 * (1.0 - eta));
-        let h = 0.05 * start / (widest * crowd);
+        let h = 0.1 * start / (widest * crowd);
         let flow = Flow::new(SignPower::new(Law::FiniteTime, eta), 1.0, h);
         let mut t = 0.0;
         loop {
@@ -145,10 +145,10 @@ fn no_sampled_trajectory_is_slower_than_its_certificate() {
             steps += 1;
             let now = norm(&e).powf(1.0 - eta) / start;
             assert!(
-                now <= (1.0 - t / T).max(0.0) + 0.05,
+                now <= (1.0 - t / T).max(0.0) + 0.1,
                 "n {n}, eta {eta}, pinned {pinned}: {now} at {t} of {T}"
             );
-            if now <= 0.05 {
+            if now <= 0.1 {
                 break;
             }
         }

@@ -1,6 +1,6 @@
 //! The agent model (5)-(6) as a plant, random graphs, a small generator and reference data, for the tests
 //! of the control room.
-#![allow(dead_code, non_snake_case)]
+#![allow(dead_code, non_snake_case, clippy::unwrap_used, clippy::panic)]
 
 use bess_consensus::control::communication::{
     Communication, Explicit, ExplicitEdge, ExplicitPin, ExplicitTopology,
