@@ -3,7 +3,8 @@
 #![allow(dead_code, non_snake_case, clippy::unwrap_used, clippy::panic)]
 
 use bess_consensus::control::communication::{
-    Communication, Explicit, ExplicitEdge, ExplicitPin, ExplicitTopology,
+    Communication, Explicit, ExplicitEdge, ExplicitPin, ExplicitTopology, Inside, StepByStep,
+    StepByStepTopology, Weights,
 };
 use bess_consensus::control::{Config, Controller};
 use serde::Deserialize;
@@ -54,6 +55,17 @@ pub fn edge(a: usize, b: usize, weight: f64) -> ExplicitEdge {
 /// A pin of an agent counted from 0.
 pub fn pin(agent: usize, weight: f64) -> ExplicitPin {
     ExplicitPin { agent: agent as u32 + 1, weight }
+}
+
+/// Two groups of agents on a line, {1, 2, 3} and {4, 5, 6, 7}, as a tree and as rings.
+pub fn two_groups() -> Communication {
+    let x = [0.0, 1.0, 2.5, 10.0, 11.0, 12.0, 13.5];
+    let topology = |name: &str, inside| StepByStepTopology { name: name.into(), inside };
+    Communication::StepByStep(StepByStep {
+        distances: x.iter().map(|a| x.iter().map(|b| f64::abs(a - b)).collect()).collect(),
+        weights: Weights::InverseDistance,
+        topologies: vec![topology("a3", Inside::Tree), topology("b3", Inside::Ring)],
+    })
 }
 
 /// A random spanning tree and some more edges, weights in [0.3, 1), one to three pins.
