@@ -138,9 +138,14 @@ impl Controller {
         &self.state.outputs
     }
 
-    /// The graph, the leaders and the live agents in force; its graph is [`Self::network`]'s.
-    pub fn topology(&self) -> &Topology {
-        &self.topology
+    /// The active leaders in force, from 0.
+    pub fn leaders(&self) -> &[usize] {
+        &self.topology.leaders
+    }
+
+    /// The agents that take part: available, and in a part of the graph that hears the virtual leader.
+    pub fn live(&self) -> &[bool] {
+        &self.topology.live
     }
 
     /// The graph in force, prepared.

@@ -107,6 +107,9 @@ impl Graph {
 
     /// The graph without the agents for which `keep` is false: they stay in the numbering, alone.
     pub fn restricted(&self, keep: &[bool]) -> Self {
+        if keep.iter().all(|&k| k) {
+            return self.clone();
+        }
         let kept = |i: u32| keep[i as usize];
         let edges = self.edges.iter().copied().filter(|e| kept(e.a) && kept(e.b)).collect();
         let pins = self.pins.iter().zip(keep).map(|(&pin, &k)| if k { pin } else { 0.0 }).collect();

@@ -1,9 +1,10 @@
 //! The agent model (5)-(6) as a plant, random graphs, a small generator and reference data, for the tests
 //! of the control room.
-#![allow(dead_code, non_snake_case)]
+#![allow(dead_code, non_snake_case, clippy::unwrap_used, clippy::panic)]
 
 use bess_consensus::control::communication::{
-    Communication, Explicit, ExplicitEdge, ExplicitPin, ExplicitTopology,
+    Communication, Explicit, ExplicitEdge, ExplicitPin, ExplicitTopology, Inside, StepByStep,
+    StepByStepTopology, Weights,
 };
 use bess_consensus::control::{Config, Controller};
 use serde::Deserialize;
@@ -54,6 +55,17 @@ pub fn edge(a: usize, b: usize, weight: f64) -> ExplicitEdge {
 /// A pin of an agent counted from 0.
 pub fn pin(agent: usize, weight: f64) -> ExplicitPin {
     ExplicitPin { agent: agent as u32 + 1, weight }
+}
+
+/// Two groups of agents on a line, {1, 2, 3} and {4, 5, 6, 7}, as a tree and as rings.
+pub fn two_groups() -> Communication {
+    let x = [0.0, 1.0, 2.5, 10.0, 11.0, 12.0, 13.5];
+    let topology = |name: &str, inside| StepByStepTopology { name: name.into(), inside };
+    Communication::StepByStep(StepByStep {
+        distances: x.iter().map(|a| x.iter().map(|b| f64::abs(a - b)).collect()).collect(),
+        weights: Weights::InverseDistance,
+        topologies: vec![topology("a3", Inside::Tree), topology("b3", Inside::Ring)],
+    })
 }
 
 /// A random spanning tree and some more edges, weights in [0.3, 1), one to three pins.
@@ -156,12 +168,22 @@ pub struct Loop {
     pub controller: Controller,
     pub plant: Sample,
     pub now_ns: i64,
+    /// Whether P empties the batteries, as it does.
+    pub discharging: bool,
+    /// What rounding took from E: thousands of equal steps round the same way.
+    pub lost_E: Vec<f64>,
 }
 
 impl Loop {
     pub fn new(config: Config, start: &Sample) -> Self {
         let controller = Controller::new(config).unwrap();
-        let mut coupled = Self { controller, plant: start.clone(), now_ns: 0 };
+        let mut coupled = Self {
+            controller,
+            plant: start.clone(),
+            now_ns: 0,
+            discharging: true,
+            lost_E: vec![0.0; start.E.len()],
+        };
         coupled.tell();
         coupled.controller.refresh(&mut |_| {});
         coupled
@@ -187,7 +209,11 @@ impl Loop {
         let out = self.controller.outputs();
         let plant = &mut self.plant;
         for i in 0..plant.P.len() {
-            plant.E[i] += h * (out.u_E[i] - plant.P[i] / 3600.0);
+            let drain = if self.discharging { plant.P[i] / 3600.0 } else { 0.0 };
+            let step = h * (out.u_E[i] - drain) + self.lost_E[i];
+            let E = plant.E[i] + step;
+            self.lost_E[i] = step - (E - plant.E[i]);
+            plant.E[i] = E;
             plant.P[i] += h * out.u_P[i];
             plant.Q[i] += h * out.u_Q[i];
             plant.omega[i] = out.omega_set[i] - plant.P[i];
