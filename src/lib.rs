@@ -20,3 +20,4 @@ pub mod control;
 pub mod fmi;
 #[cfg(feature = "grid")]
 pub mod grid;
+
