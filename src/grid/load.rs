@@ -52,6 +52,14 @@ impl LoadModel {
         Z + I * (v0 / v) + P * (v0 / v) * (v0 / v)
     }
 
+    /// The part of the admittance at `v0` that the network matrix holds; the rest is a current, found by
+    /// iteration. Z + I/2 is the best: to first order, a constant-power load's current follows the
+    /// conjugate of its voltage alone, a constant-current load's half and half.
+    pub(crate) fn held_as_admittance(self) -> f64 {
+        let (Z, I, _) = self.fractions();
+        Z + 0.5 * I
+    }
+
     /// Checks the fractions.
     pub fn validate(self, path: &str) -> Result<(), GridError> {
         let (Z, I, P) = self.fractions();

@@ -7,10 +7,11 @@
 //! | [`case`], [`matpower`] | the network data, from JSON or MATPOWER's own format |
 //! | [`config`] | everything the grid model is made from, with its validation |
 //! | [`admittance`] | the bus admittance matrix |
-//! | [`power_flow`] | the operating point that turns loads into admittances |
+//! | [`mod@power_flow`] | the operating point that turns loads into admittances |
 //! | [`load`] | impedance, constant-power and ZIP loads |
-//! | [`plant`], [`network`], [`reduction`], [`lu`] | what the sources see of the network |
+//! | [`plant`], [`network`], [`reduction`], [`lu`], [`workspace`] | what the sources see of the network |
 //! | [`bess`] | the paper's (1) to (3), angle and battery, one function each |
+//! | [`dynamics`] | the right-hand side made of those |
 //! | [`integrator`] | embedded Runge-Kutta 5(4) with error control |
 //! | [`steady_state`] | where a simulation starts |
 //! | [`model`], [`state`] | the grid model: inputs, steps, outputs, its state |

@@ -155,8 +155,7 @@ impl GridModel {
             network.linear_voltages(&mut workspace);
             change = 0.0;
             for load in &self.plant.nonlinear {
-                let ratio = self.load_model.admittance_ratio(workspace.v[load.bus].norm(), load.v0);
-                let y = load.admittance * (ratio - 1.0);
+                let y = self.plant.not_held(load, workspace.v[load.bus].norm());
                 let moved = (y - extra[load.bus]).norm();
                 change = if moved.is_nan() { f64::INFINITY } else { f64::max(change, moved) };
                 extra[load.bus] = y;

@@ -165,7 +165,7 @@ impl Network {
         Err(GridError::Loads { residual: change })
     }
 
-    /// The same with every load taken as an impedance.
+    /// The same without the currents of loads that are not impedances.
     pub(super) fn linear_voltages(&self, ws: &mut Workspace) {
         if let Some(reduction) = &self.reduction {
             reduction.linear_voltages(ws);
@@ -269,6 +269,6 @@ fn use_kron(plant: &Plant, method: NetworkMethod) -> bool {
         NetworkMethod::Kron => true,
         NetworkMethod::Sparse => false,
         NetworkMethod::Auto if !plant.nonlinear.is_empty() => plant.n_bus() <= 300,
-        NetworkMethod::Auto => plant.n() <= 64 || plant.n() * plant.n() <= 20 * plant.n_bus(),
+        NetworkMethod::Auto => plant.n() <= 64 || plant.n() * plant.n() <= 10 * plant.n_bus(),
     }
 }

@@ -12,7 +12,7 @@ use faer::c64;
 /// The network as the sources see it before load changes, tie and source reactances are added.
 #[derive(Clone, Debug)]
 pub struct Plant {
-    /// Bus admittance matrix with the loads' admittances at the solved voltage, pu.
+    /// Bus admittance matrix with the loads' admittances at the solved voltage, as far as held, pu.
     pub(crate) admittance: SparseMatrix,
     /// Where the diagonal entries stand in its values.
     pub(crate) diagonal: Vec<usize>,
@@ -82,7 +82,7 @@ impl Plant {
             } else if load[k] != c64::ZERO {
                 let v0 = solution.vm[k];
                 let y = load[k].conj() / (v0 * v0);
-                admittance.val_mut()[diagonal[k]] += y;
+                admittance.val_mut()[diagonal[k]] += y * load_model.held_as_admittance();
                 if !load_model.is_linear() {
                     nonlinear.push(NonlinearLoad { bus: k, admittance: y, v0 });
                 }
@@ -92,13 +92,18 @@ impl Plant {
         Ok(Self { admittance, diagonal, live, bess_bus, tie: None, nonlinear, load_model })
     }
 
-    /// Currents by which the loads that are not impedances differ from impedances at their voltages `v`,
-    /// pu: `j = y0 (1 - y(v)/y0) v`.
+    /// Currents of the loads that are not impedances at their voltages `v`, less what the matrix holds
+    /// of them, into the network, pu.
     pub(crate) fn load_currents(&self, v: &[c64], j: &mut [c64]) {
         for (k, load) in self.nonlinear.iter().enumerate() {
-            let ratio = self.load_model.admittance_ratio(v[k].norm(), load.v0);
-            j[k] = load.admittance * v[k] * (1.0 - ratio);
+            j[k] = -v[k] * self.not_held(load, v[k].norm_sqr().sqrt());
         }
+    }
+
+    /// Admittance of such a load at voltage magnitude `v`, less what the matrix holds of it, pu.
+    pub(crate) fn not_held(&self, load: &NonlinearLoad, v: f64) -> c64 {
+        let model = self.load_model;
+        load.admittance * (model.admittance_ratio(v, load.v0) - model.held_as_admittance())
     }
 
     /// Number of BESS.

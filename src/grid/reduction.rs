@@ -21,6 +21,9 @@ pub struct Reduction {
     transfer: Vec<c64>,
     /// n_bus x n_load: bus voltages from currents at the loads that are not impedances.
     z_load: Vec<c64>,
+    /// n_load x n_load: the rows of `z_load` at those loads, real and imaginary parts.
+    r_load: Vec<f64>,
+    x_load: Vec<f64>,
     /// n x n_load: source currents from those currents.
     from_load: Vec<c64>,
     scratch: Scratch,
@@ -38,6 +41,8 @@ impl Reduction {
             i_tie: vec![(0.0, 0.0); n],
             transfer: vec![c64::ZERO; n_bus * (n + 1)],
             z_load: vec![c64::ZERO; n_bus * n_load],
+            r_load: vec![0.0; n_load * n_load],
+            x_load: vec![0.0; n_load * n_load],
             from_load: vec![c64::ZERO; n * n_load],
             scratch: lu.scratch((n + 1).max(n_load)),
         }
@@ -72,7 +77,12 @@ impl Reduction {
                 self.z_load[k * n_bus + load.bus] = c64::ONE;
             }
             lu.solve(&mut self.z_load, &mut self.scratch);
-            for k in 0..plant.nonlinear.len() {
+            let m = plant.nonlinear.len();
+            for k in 0..m {
+                for (l, load) in plant.nonlinear.iter().enumerate() {
+                    let z = self.z_load[k * n_bus + load.bus];
+                    (self.r_load[k * m + l], self.x_load[k * m + l]) = (z.re, z.im);
+                }
                 for i in 0..n {
                     self.from_load[k * n + i] = -source[i] * self.z_load[k * n_bus + plant.bess_bus[i]];
                 }
@@ -136,7 +146,7 @@ impl Reduction {
         Ok(())
     }
 
-    /// The same with every load taken as an impedance.
+    /// The same without the currents of loads that are not impedances.
     pub fn linear_voltages(&self, ws: &mut Workspace) {
         ws.v.copy_from_slice(&self.transfer[self.n * self.n_bus..]);
         for (s, column) in self.transfer.chunks_exact(self.n_bus).take(self.n).enumerate() {
@@ -159,18 +169,27 @@ impl Reduction {
         if !std::mem::replace(&mut ws.warm, true) {
             ws.v_load.copy_from_slice(&ws.v_open);
         }
+        let m = plant.nonlinear.len();
         let mut change = f64::INFINITY;
         for _ in 0..MAX_LOAD_ITERATIONS {
             plant.load_currents(&ws.v_load, &mut ws.j_load);
-            change = 0.0;
-            for (k, load) in plant.nonlinear.iter().enumerate() {
-                let mut v = ws.v_open[k];
-                for (l, &j) in ws.j_load.iter().enumerate() {
-                    v += self.z_load[l * self.n_bus + load.bus] * j;
+            let (v_re, v_im) = (&mut ws.v_re[..m], &mut ws.v_im[..m]);
+            for k in 0..m {
+                (v_re[k], v_im[k]) = (ws.v_open[k].re, ws.v_open[k].im);
+            }
+            for ((r, x), j) in self.r_load.chunks_exact(m).zip(self.x_load.chunks_exact(m)).zip(&ws.j_load) {
+                for k in 0..m {
+                    v_re[k] += r[k] * j.re - x[k] * j.im;
+                    v_im[k] += r[k] * j.im + x[k] * j.re;
                 }
-                change = worse(change, (v - ws.v_load[k]).norm());
+            }
+            change = 0.0;
+            for k in 0..m {
+                let v = c64::new(v_re[k], v_im[k]);
+                change = worse(change, (v - ws.v_load[k]).norm_sqr());
                 ws.v_load[k] = v;
             }
+            change = change.sqrt();
             if change < LOAD_TOLERANCE_PU {
                 return Ok(());
             }

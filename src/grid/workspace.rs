@@ -22,8 +22,11 @@ pub struct Workspace {
     pub(super) v_load: Vec<c64>,
     /// The same without the currents of those loads.
     pub(super) v_open: Vec<c64>,
-    /// Currents by which those loads differ from impedances, pu.
+    /// Currents of those loads, less what the matrix holds of them, pu.
     pub(super) j_load: Vec<c64>,
+    /// The next `v_load`, real and imaginary parts.
+    pub(super) v_re: Vec<f64>,
+    pub(super) v_im: Vec<f64>,
     /// Whether `v_load` is a guess from the same step.
     pub(super) warm: bool,
     pub(super) scratch: Scratch,
@@ -40,6 +43,8 @@ impl Workspace {
             v_load: vec![c64::ZERO; n_load],
             v_open: vec![c64::ZERO; n_load],
             j_load: vec![c64::ZERO; n_load],
+            v_re: vec![0.0; n_load],
+            v_im: vec![0.0; n_load],
             warm: false,
             scratch,
         }
