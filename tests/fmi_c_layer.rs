@@ -1,5 +1,6 @@
 //! The 34 symbols from C's side: pointers, fence, logger, states. What the calls mean is tested in
 //! `fmi_instance.rs`.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail")]
 #![cfg_attr(miri, feature(c_variadic))]
 #![allow(clippy::undocumented_unsafe_blocks, clippy::multiple_unsafe_ops_per_block)]
 
@@ -9,7 +10,8 @@ mod importer;
 
 use bess_consensus::fmi::bindings::*;
 use bess_consensus::fmi::{Function, Instance, Interface, Logger, State};
-use fmi_mock::{Mock, REFRESH_PANICS, Resources, STEP_FAILS, STEP_LOGS, STEP_PANICS};
+use fmi_mock::resources::Resources;
+use fmi_mock::{Mock, REFRESH_PANICS, STEP_FAILS, STEP_LOGS, STEP_PANICS};
 use importer::*;
 use std::collections::BTreeSet;
 use std::ffi::{CStr, c_char};

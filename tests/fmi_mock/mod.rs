@@ -1,6 +1,7 @@
 //! A model whose answers are known in closed form: n first-order lags, x' = (gain u - x) / tau, that
 //! can be told to fail or to panic. `resources/n.txt` holds n.
 #![allow(dead_code)]
+#![allow(clippy::panic, reason = "it is what some tests are about")]
 
 use bess_consensus::fmi::{
     Access, Causality, Dependencies, Group, Log, LogLevel, Model, ModelError, Phase, Range, Step, Unit,
@@ -10,9 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 #[cfg(test)]
-mod resources;
-#[cfg(test)]
-pub use resources::Resources;
+pub mod resources;
 
 /// What goes wrong, by the value of the input `fault`.
 pub const STEP_PANICS: i32 = 1;
