@@ -1,6 +1,8 @@
 //! The page as a whole: a sample of everything that it can show, held against what a browser would do
 //! with it. Leaves the sample in cargo's tmpdir for `tests/browser/check_report.py` and for people.
 #![cfg(feature = "host")]
+// The helpers below serve tests only.
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use bess_consensus::report::{
     Agents, Columns, Edge, Figure, GraphFigure, Item, Node, PhaseOptions, Report, Section, Status, Table,
@@ -240,6 +242,31 @@ fn markup_in_names_is_shown_and_not_obeyed() {
     assert_eq!(own.matches("</script").count(), 2);
     let name = figure_data(&html)["figures"][0]["data"][0]["name"].as_str().unwrap().to_owned();
     assert!(name.starts_with("&lt;/script&gt;"), "{name}");
+}
+
+#[test]
+fn a_thousand_agents_stay_a_light_page() {
+    let time: Vec<f64> = (0..=1000).map(|k| f64::from(k) * 0.1).collect();
+    let mut data = Vec::new();
+    for i in 0..1000 {
+        let phase = f64::from(i);
+        for name in ["omega", "P", "E", "V", "Q"] {
+            let y =
+                time.iter().map(|t| 1.0 + 1e-3 * (phase + t).sin() * (-t / 30.0).exp()).collect::<Vec<_>>();
+            data.push((format!("grid.{name}[{}]", i + 1), y));
+        }
+    }
+    let columns = Columns::new(&time, data.iter().map(|(name, y)| (name.as_str(), y.as_slice()))).unwrap();
+    let agents = Agents::numbered(&[0.004; 1000], &[0.02; 1000]);
+    let crowd: Vec<_> = (0..8).map(|k| (30.0 + f64::from(k), format!("load step {k}"))).collect();
+    let mut items = five_states(&columns, &agents, &crowd).unwrap();
+    items.extend(error_systems(&columns, &agents, &crowd).unwrap());
+    let section = Section { items: items.into_iter().map(Item::Figure).collect(), ..Section::default() };
+    let report = Report { title: "1000 BESS".to_owned(), sections: vec![section], ..Report::default() };
+    let path = temporary("report_many.html");
+    report.write(&path).unwrap();
+    let bytes = std::fs::metadata(&path).unwrap().len();
+    assert!(bytes < 10_000_000, "{bytes} bytes");
 }
 
 #[test]

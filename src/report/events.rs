@@ -2,7 +2,7 @@
 
 use super::{escape, palette};
 use plotly::common::{Anchor, DashType, Font};
-use plotly::layout::{Annotation, Shape, ShapeLayer, ShapeLine, ShapeType};
+use plotly::layout::{Annotation, Shape, ShapeLine, ShapeType};
 
 /// Height of a row of labels, px.
 pub(super) const ROW_HEIGHT: usize = 15;
@@ -41,17 +41,19 @@ pub(super) fn place(events: &[(f64, String)], low: f64, high: f64) -> Vec<Placed
         }
     }
     let scale = if high > low { PLOT_WIDTH / (high - low) } else { 0.0 };
-    let mut taken: Vec<Vec<(f64, f64)>> = vec![Vec::new(); MAX_ROWS];
-    for event in &mut placed {
+    // From the right, because labels stand to the right of their lines: the line of a later event must end
+    // below the label of an earlier one that reaches over it.
+    let mut labelled: Vec<(f64, (f64, f64), usize)> = Vec::with_capacity(placed.len());
+    for event in placed.iter_mut().rev() {
         let width = (event.label.chars().count().min(MAX_CHARS) as f64 + 2.0) * CHAR_WIDTH;
         let at = (event.x - low) * scale;
         event.leftward = at + width > PLOT_WIDTH && at > width;
         let span = if event.leftward { (at - width, at) } else { (at, at + width) };
-        let free = taken.iter().position(|row| row.iter().all(|s| span.0 >= s.1 || span.1 <= s.0));
-        if let Some(row) = free
-            && let Some(spans) = taken.get_mut(row)
-        {
-            spans.push(span);
+        let over = labelled.iter().filter(|(line, _, _)| *line >= span.0 && *line <= span.1);
+        let lowest = over.map(|(_, _, row)| row + 1).max().unwrap_or(0);
+        let free = |row: &usize| labelled.iter().all(|(_, s, r)| r != row || span.0 >= s.1 || span.1 <= s.0);
+        if let Some(row) = (lowest..MAX_ROWS).find(free) {
+            labelled.push((at, span, row));
             event.row = Some(row);
         }
     }
@@ -68,7 +70,6 @@ pub(super) fn line(event: &Placed, plot_height: f64) -> Shape {
     let top = event.row.map_or(1.0, |row| 1.0 + ((row * ROW_HEIGHT) as f64 + 9.0) / plot_height);
     Shape::new()
         .shape_type(ShapeType::Line)
-        .layer(ShapeLayer::Below)
         .x_ref("x")
         .y_ref("paper")
         .x0(event.x)
@@ -113,7 +114,7 @@ mod tests {
             120.0,
         );
         let seen: Vec<_> = placed.iter().map(|e| (e.x, e.row)).collect();
-        assert_eq!(seen, [(5.0, Some(0)), (50.0, Some(0)), (52.0, Some(1))]);
+        assert_eq!(seen, [(5.0, Some(0)), (50.0, Some(1)), (52.0, Some(0))]);
     }
 
     #[test]

@@ -94,7 +94,12 @@ impl Figure {
             }
         }
         object.insert("data".to_owned(), Value::Array(data));
-        object.insert("layout".to_owned(), serde_json::to_value(self.layout())?);
+        let mut layout = serde_json::to_value(self.layout())?;
+        for shape in layout.get_mut("shapes").and_then(Value::as_array_mut).into_iter().flatten() {
+            // Event lines over the grid and under the lines: Plotly knows this layer, its Rust types do not.
+            shape["layer"] = Value::String("between".to_owned());
+        }
+        object.insert("layout".to_owned(), layout);
         Ok(object)
     }
 

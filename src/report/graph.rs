@@ -5,7 +5,9 @@ use super::error::ReportError;
 use super::graph_labels::labels;
 use super::{escape, figure, palette};
 use plotly::common::{DashType, Font, HoverInfo, Label, Line as Stroke, Marker, MarkerSymbol, Mode};
-use plotly::layout::{Axis, HoverMode, Layout, Margin, Shape, ShapeLayer, ShapeLine, ShapeType};
+use plotly::layout::{
+    Axis, AxisConstrain, HoverMode, Layout, Margin, Shape, ShapeLayer, ShapeLine, ShapeType,
+};
 use plotly::{Scatter, layout::AxisRange};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
@@ -206,7 +208,8 @@ impl GraphFigure {
 
     fn layout(&self, frame: Frame, leader: Option<(f64, f64)>) -> Layout {
         let range = self.range(frame, leader);
-        let hidden = || Axis::new().visible(false).fixed_range(false);
+        // The plot area gives way to keep the scales equal; else a range would grow at every resize.
+        let hidden = || Axis::new().visible(false).constrain(AxisConstrain::Domain);
         Layout::new()
             .auto_size(true)
             .height(HEIGHT)
@@ -218,12 +221,7 @@ impl GraphFigure {
             .hover_label(Label::new().background_color("#ffffff").border_color(palette::AXIS))
             .show_legend(false)
             .x_axis(hidden().range(AxisRange::new(range.x.0, range.x.1)))
-            .y_axis(
-                hidden()
-                    .range(AxisRange::new(range.y.0, range.y.1))
-                    .scale_anchor("x".to_owned())
-                    .scale_ratio(1.0),
-            )
+            .y_axis(hidden().range(AxisRange::new(range.y.0, range.y.1)).scale_anchor("x").scale_ratio(1.0))
             .shapes(self.shades(frame))
             .annotations(labels(self, leader, range))
     }

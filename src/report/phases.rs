@@ -213,7 +213,7 @@ pub fn phase_table(phases: &[Phase], agents: &Agents, options: &PhaseOptions) ->
     let row = |phase: &Phase| {
         vec![
             phase.name.clone(),
-            format!("{}\u{a0}\u{2013}\u{a0}{}", format_value(phase.from_s, 6), format_value(phase.to_s, 6)),
+            format!("{}\u{a0}to\u{a0}{}", format_value(phase.from_s, 6), format_value(phase.to_s, 6)),
             value(phase.omega_peak),
             value(phase.omega_error),
             value(phase.p_spread),

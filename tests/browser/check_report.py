@@ -24,11 +24,19 @@ import urllib.error
 import urllib.request
 
 WIDTHS = (1280, 800)
+MAX_FINDINGS = 40
 
 # What is drawn, figure by figure. Nodes that hold no text or have no extent cannot collide.
 SURVEY = """
 const page = JSON.parse(document.getElementById('figure-data').textContent);
-const boxes = (plot, selector) => [...plot.querySelectorAll(selector)]
+// A long legend scrolls within its frame: what is scrolled away is not seen.
+const seen = (e) => {
+  const legend = e.closest('.legend');
+  if (!legend) return true;
+  const [r, frame] = [e.getBoundingClientRect(), legend.querySelector('.bg').getBoundingClientRect()];
+  return r.top >= frame.top - 2 && r.bottom <= frame.bottom + 2;
+};
+const boxes = (plot, selector) => [...plot.querySelectorAll(selector)].filter(seen)
   .filter((e) => e.textContent.trim() !== '')
   .map((e) => ({ text: e.textContent, r: e.getBoundingClientRect() }))
   .filter(({ r }) => r.width > 0 && r.height > 0)
@@ -298,13 +306,18 @@ def run(options, folder):
         requests = check_quiet(browser, failures.append)
     finally:
         browser.close()
+    if failures:
+        print(f"{options.report.name}: not as it should be ({len(failures)} findings)")
+        for failure in failures[:MAX_FINDINGS]:
+            print(f"  - {failure}")
+        if len(failures) > MAX_FINDINGS:
+            print(f"  and {len(failures) - MAX_FINDINGS} more")
+        return 1
     lines = sum(f["lines"] for f in figures)
     print(f"{options.report.name}: {options.report.stat().st_size / 1e6:.1f} MB, drawn in {seconds:.1f} s; "
           f"{len(figures)} figures, {lines} lines; {toggled} legends toggled, {pointed} figures pointed at; "
-          f"{requests} requests, all within the file" if not failures else f"{options.report.name}: NOT as it should be")
-    for failure in failures:
-        print(f"  - {failure}")
-    return 1 if failures else 0
+          f"{requests} requests, none to a host; console silent")
+    return 0
 
 
 def main():
