@@ -4,6 +4,7 @@ Knows FMI and nothing of batteries. `get("P")` is an array over all agents, `get
 """
 
 import ctypes
+import functools
 import re
 import struct
 
@@ -36,11 +37,17 @@ CALLBACKS.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
 addLoggerProxy(ctypes.byref(CALLBACKS))
 
 
+@functools.cache
+def described(folder):
+    """The description of an unpacked FMU, read once; whoever tests an FMU makes many instances of it."""
+    return read_model_description(folder)
+
+
 class Fmu:
     """An instance, from instantiation to `close()`; also a context manager."""
 
     def __init__(self, folder, name, guid=None):
-        self.description = read_model_description(str(folder))
+        self.description = described(str(folder))
         self.variables = {v.name: v for v in self.description.modelVariables}
         self.arrays = fold(self.variables)
         self.log_from = len(LOG)
