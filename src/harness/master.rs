@@ -7,12 +7,13 @@
 
 use super::coupling::{Connection, CouplingError, Endpoint};
 use super::error::HarnessError;
+use super::lookup::Lookup;
 use super::observer::{Experiment, Observer, Sample};
 use super::participant::{CallError, Participant};
 use super::schedule::Schedule;
 use super::slave::seconds;
 use super::value::Value;
-use super::wiring::{Lookup, Values, Wiring, WriteError};
+use super::wiring::{Values, Wiring, WriteError};
 use std::time::{Duration, Instant};
 
 /// In which order participants see each other's outputs.
