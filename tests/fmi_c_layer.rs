@@ -1,5 +1,6 @@
 //! The 34 symbols from C's side: pointers, fence, logger, states. What the calls mean is tested in
 //! `fmi_instance.rs`.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail")]
 #![cfg_attr(miri, feature(c_variadic))]
 #![allow(clippy::undocumented_unsafe_blocks, clippy::multiple_unsafe_ops_per_block)]
 
@@ -9,11 +10,13 @@ mod importer;
 
 use bess_consensus::fmi::bindings::*;
 use bess_consensus::fmi::{Function, Instance, Interface, Logger, State};
-use fmi_mock::{Mock, REFRESH_PANICS, Resources, STEP_FAILS, STEP_LOGS, STEP_PANICS};
+use fmi_mock::resources::Resources;
+use fmi_mock::{Mock, REFRESH_PANICS, STEP_FAILS, STEP_LOGS, STEP_PANICS};
 use importer::*;
 use std::collections::BTreeSet;
 use std::ffi::{CStr, c_char};
 use std::ptr::{null, null_mut};
+use std::rc::Rc;
 
 bess_consensus::export_fmi2!(Mock);
 
@@ -34,25 +37,19 @@ fn reference(n: usize, name: &str) -> u32 {
 /// A component with two lags and its record; freed at the end.
 struct Fmu {
     c: fmi2Component,
-    record: Box<Record>,
-    _callbacks: Box<fmi2CallbackFunctions>,
+    record: Rc<Record>,
     _resources: Resources,
 }
 
 impl Fmu {
     fn new() -> Self {
         let resources = Resources::new(2);
-        let record = Box::new(Record::default());
-        let callbacks = Box::new(callbacks(&record));
-        let c = instantiate(
-            "fmu",
-            &guid(2, Interface::Structured),
-            &resources.uri(),
-            &raw const *callbacks,
-            true,
-        );
+        let record = Rc::new(Record::default());
+        let callbacks = callbacks(&record);
+        let c =
+            instantiate("fmu", &guid(2, Interface::Structured), &resources.uri(), &raw const callbacks, true);
         assert!(!c.is_null(), "{:?}", record.lines);
-        Fmu { c, record, _callbacks: callbacks, _resources: resources }
+        Fmu { c, record, _resources: resources }
     }
 
     fn started() -> Self {

@@ -1,4 +1,5 @@
 //! The model description against what the standard and its readers expect.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail")]
 
 mod fmi_mock;
 
@@ -181,9 +182,11 @@ fn units_reduce_to_si() {
     assert_eq!(units, expected, "only the units in use");
 }
 
+type List = fn() -> Vec<Group<Wrong>>;
+
 /// A model whose list of variables can be made wrong.
 #[derive(Clone)]
-struct Wrong(fn() -> Vec<Group<Wrong>>);
+struct Wrong(List);
 
 impl Model for Wrong {
     const IDENTIFIER: &'static str = "Wrong";
@@ -234,7 +237,7 @@ fn input(name: &'static str, count: Option<usize>) -> Group<Wrong> {
 
 #[test]
 fn lists_that_no_fmu_could_have_are_refused_with_the_group() {
-    let cases: [(fn() -> Vec<Group<Wrong>>, &str); 10] = [
+    let cases: [(List, &str); 10] = [
         (|| vec![output("a b", None, Dependencies::None)], "a b: is no C identifier"),
         (|| vec![output("", None, Dependencies::None)], "no C identifier"),
         (|| vec![input("a", None), output("a", Some(2), Dependencies::None)], "a: appears twice"),
@@ -261,7 +264,7 @@ fn lists_that_no_fmu_could_have_are_refused_with_the_group() {
         let error = Registry::new(&Wrong(list), Interface::Structured).err().expect(words).to_string();
         assert!(error.contains(words), "{error} lacks {words}");
     }
-    let cases: [(fn() -> Vec<Group<Wrong>>, &str); 3] = [
+    let cases: [(List, &str); 3] = [
         (|| vec![output("a", None, Dependencies::All(&["b"]))], "a: depends on b, which is no input"),
         (|| vec![output("a", None, Dependencies::SameIndex(&["a"]))], "depends on a, which is no input"),
         (

@@ -1,11 +1,13 @@
 //! The safe core: values, steps, time, reset and states, as an in-process master drives them.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail")]
 
 mod fmi_mock;
 
 use bess_consensus::fmi::{
     Category, Error, Function, Instance, Interface, Logger, ModelError, Snapshot, State, Type, lookup::Value,
 };
-use fmi_mock::{Mock, REFRESH_FAILS, Resources, STEP_FAILS, STEP_LOGS};
+use fmi_mock::resources::Resources;
+use fmi_mock::{Mock, REFRESH_FAILS, STEP_FAILS, STEP_LOGS};
 use proptest::prelude::*;
 use std::fmt;
 use std::sync::{Arc, Mutex};

@@ -181,14 +181,13 @@ impl<M: Model> Instance<M> {
         }
         let tolerance_s = time::tolerance_s(self.life.time_ns, step_s);
         let expected_s = self.time_s();
-        // Written so that a difference that overflowed is refused too.
-        if !((point_s - expected_s).abs() <= tolerance_s) {
+        if (point_s - expected_s).abs() > tolerance_s {
             return Err(Error::WrongTime { function, found_s: point_s, expected_s, tolerance_s });
         }
-        let Ok(step) = time::plan(self.life.time_ns, point_s, step_s) else {
+        let Some(step) = time::plan(self.life.time_ns, point_s, step_s) else {
             return argument("communicationStepSize", step_s, "a step that ends within 292 years of 0");
         };
-        if let (Some(step), true) = (step, step_s > 0.0) {
+        if step_s > 0.0 && step.duration_ns > 0 {
             self.model.step(step, &mut self.logger).map_err(Error::model(function))?;
             self.life.time_ns = step.start_ns.saturating_add(step.duration_ns);
             self.life.stale = false;

@@ -148,6 +148,12 @@ impl<M: Model> Registry<M> {
         Some((group, reference.wrapping_sub(*first) as usize))
     }
 
+    /// Cuts an array of value references into runs of one group each, so that what depends on the group
+    /// is looked at once per run. An unknown reference ends it with its position.
+    pub(super) fn runs<'a>(&'a self, references: &'a [u32]) -> Runs<'a, M> {
+        Runs { registry: self, references, position: 0 }
+    }
+
     /// The group of this name, with the value reference of its first variable.
     pub fn group(&self, name: &str) -> Option<(u32, &Group<M>)> {
         let at = |g: &u16| self.groups.get(usize::from(*g));
@@ -215,6 +221,41 @@ impl<M: Model> Registry<M> {
             }
         }
         Ok(())
+    }
+}
+
+/// Neighbouring value references of one group.
+pub(super) struct Run<'a, M> {
+    pub group: &'a Group<M>,
+    /// Value reference of the group's first variable.
+    pub first: u32,
+    pub references: &'a [u32],
+}
+
+/// See [`Registry::runs`].
+pub(super) struct Runs<'a, M> {
+    registry: &'a Registry<M>,
+    references: &'a [u32],
+    position: usize,
+}
+
+impl<'a, M: Model> Iterator for Runs<'a, M> {
+    type Item = Result<Run<'a, M>, usize>;
+
+    #[inline]
+    fn next(&mut self) -> Option<Self::Item> {
+        let rest = self.references.get(self.position..)?;
+        let head = *rest.first()?;
+        let Some((group, index)) = self.registry.locate(head) else {
+            let position = self.position;
+            self.position = self.references.len();
+            return Some(Err(position));
+        };
+        let first = head.wrapping_sub(index as u32);
+        let belongs = |reference: &&u32| (reference.wrapping_sub(first) as usize) < group.len();
+        let length = rest.iter().take_while(belongs).count();
+        self.position += length;
+        rest.get(..length).map(|references| Ok(Run { group, first, references }))
     }
 }
 

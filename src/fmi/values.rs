@@ -4,7 +4,7 @@
 use super::call_order::{Function, State};
 use super::error::Error;
 use super::instance::Instance;
-use super::lookup::Type;
+use super::lookup::{Run, Type};
 use super::model::Model;
 use super::registry::{Access, Causality, Group, Variability};
 
@@ -12,13 +12,15 @@ impl<M: Model> Instance<M> {
     /// fmi2GetReal.
     pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), Error> {
         self.prepare_get(Function::GetReal, Type::Real, references, values.len())?;
-        for (reference, value) in references.iter().zip(values) {
-            if let Some((group, index)) = self.registry.locate(*reference) {
-                *value = match group.access {
-                    Access::Real(get, _) => get(&self.model, index),
-                    Access::Integer(get, _) => f64::from(get(&self.model, index)),
-                    Access::Boolean(get, _) => f64::from(u8::from(get(&self.model, index))),
-                };
+        let mut values = values.iter_mut();
+        for Run { group, first, references } in self.registry.runs(references).flatten() {
+            let places = references.iter().map(|r| r.wrapping_sub(first) as usize).zip(&mut values);
+            match group.access {
+                Access::Real(get, _) => places.for_each(|(i, v)| *v = get(&self.model, i)),
+                Access::Integer(get, _) => places.for_each(|(i, v)| *v = f64::from(get(&self.model, i))),
+                Access::Boolean(get, _) => {
+                    places.for_each(|(i, v)| *v = if get(&self.model, i) { 1.0 } else { 0.0 });
+                }
             }
         }
         Ok(())
@@ -53,7 +55,7 @@ impl<M: Model> Instance<M> {
     /// fmi2SetReal.
     pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> Result<(), Error> {
         let function = Function::SetReal;
-        self.check_all(function, Type::Real, references, values.len())?;
+        self.check_set(function, Type::Real, references, values.len())?;
         for (reference, value) in references.iter().zip(values) {
             if let Some((group, _)) = self.registry.locate(*reference) {
                 let accepted = match group.access {
@@ -87,7 +89,7 @@ impl<M: Model> Instance<M> {
     /// fmi2SetInteger.
     pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> Result<(), Error> {
         let function = Function::SetInteger;
-        self.check_all(function, Type::Integer, references, values.len())?;
+        self.check_set(function, Type::Integer, references, values.len())?;
         for (reference, value) in references.iter().zip(values) {
             if let Some((group, _)) = self.registry.locate(*reference) {
                 let value = f64::from(*value);
@@ -117,7 +119,7 @@ impl<M: Model> Instance<M> {
         values: &[B],
         truth: fn(B) -> bool,
     ) -> Result<(), Error> {
-        self.check_all(Function::SetBoolean, Type::Boolean, references, values.len())?;
+        self.check_set(Function::SetBoolean, Type::Boolean, references, values.len())?;
         for (reference, value) in references.iter().zip(values) {
             if let Some((&Group { access: Access::Boolean(_, Some(set)), .. }, index)) =
                 self.registry.locate(*reference)
@@ -137,59 +139,66 @@ impl<M: Model> Instance<M> {
         references: &[u32],
         values: usize,
     ) -> Result<(), Error> {
-        self.allow(function)?;
         let mut has_output = false;
-        self.check_references(function, expected, references, values, |_, group| {
-            has_output |= group.causality == Causality::Output;
+        self.check_call(function, expected, references, values, |run| {
+            has_output |= run.group.causality == Causality::Output;
             Ok(())
         })?;
         if has_output && self.life.stale { self.bring_in_line(function) } else { Ok(()) }
     }
 
     /// Checks everything about a set but the values.
-    fn check_all(
+    fn check_set(
         &self,
         function: Function,
         expected: Type,
         references: &[u32],
         values: usize,
     ) -> Result<(), Error> {
-        self.allow(function)?;
         let before_steps = matches!(self.life.state, State::Instantiated | State::Initialization);
-        self.check_references(function, expected, references, values, |reference, group| {
-            let reason = match (group.causality, group.variability) {
+        self.check_call(function, expected, references, values, |run| {
+            let reason = match (run.group.causality, run.group.variability) {
                 (Causality::Output, _) => "it is an output",
                 (Causality::Parameter, Variability::Fixed) if !before_steps => {
                     "it is a fixed parameter; expected to be set before initialization ends"
                 }
                 _ => return Ok(()),
             };
-            Err(Error::NotSettable { function, name: self.name_of(reference), reason })
+            Err(Error::NotSettable { function, name: self.name_of(run.references), reason })
         })
     }
 
+    /// Checks call order, lengths, references and types, then each run by `check`.
     #[inline]
-    fn check_references(
+    fn check_call(
         &self,
         function: Function,
         expected: Type,
         references: &[u32],
         values: usize,
-        mut check: impl FnMut(u32, &Group<M>) -> Result<(), Error>,
+        mut check: impl FnMut(&Run<'_, M>) -> Result<(), Error>,
     ) -> Result<(), Error> {
+        self.allow(function)?;
         if references.len() != values {
             return Err(Error::Length { function, references: references.len(), values });
         }
-        for (position, reference) in references.iter().enumerate() {
-            let Some((group, _)) = self.registry.locate(*reference) else {
-                let count = self.registry.len();
-                return Err(Error::UnknownReference { function, position, found: *reference, count });
-            };
-            let found = group.type_in(self.registry.interface);
+        for run in self.registry.runs(references) {
+            let run = run.map_err(|position| Error::UnknownReference {
+                function,
+                position,
+                found: references.get(position).copied().unwrap_or_default(),
+                count: self.registry.len(),
+            })?;
+            let found = run.group.type_in(self.registry.interface);
             if found != expected {
-                return Err(Error::WrongType { function, name: self.name_of(*reference), found, expected });
+                return Err(Error::WrongType {
+                    function,
+                    name: self.name_of(run.references),
+                    found,
+                    expected,
+                });
             }
-            check(*reference, group)?;
+            check(&run)?;
         }
         Ok(())
     }
@@ -210,11 +219,12 @@ impl<M: Model> Instance<M> {
             Access::Boolean(..) => "a finite value".to_owned(),
             _ => group.range.to_string(),
         };
-        Err(Error::Value { function, name: self.name_of(reference), found, expected })
+        Err(Error::Value { function, name: self.name_of(&[reference]), found, expected })
     }
 
-    fn name_of(&self, reference: u32) -> String {
-        self.registry.name(reference).unwrap_or_default()
+    /// The name of the first of these.
+    fn name_of(&self, references: &[u32]) -> String {
+        references.first().and_then(|reference| self.registry.name(*reference)).unwrap_or_default()
     }
 }
 

@@ -176,8 +176,11 @@ pub fn start(c: fmi2Component) {
     }
 }
 
+/// A C function by name and with its arguments but the component filled in.
+pub type Call = (&'static str, fn(fmi2Component) -> fmi2Status);
+
 /// Every function but instantiate, free and the two inquiries, with harmless arguments.
-pub fn harmless_calls() -> Vec<(&'static str, fn(fmi2Component) -> fmi2Status)> {
+pub fn harmless_calls() -> Vec<Call> {
     macro_rules! calls {
         ($($name:ident($($argument:expr),*);)*) => {
             vec![$((stringify!($name), |c| unsafe { $name(c $(, $argument)*) })),*]

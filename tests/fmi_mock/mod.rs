@@ -1,13 +1,17 @@
 //! A model whose answers are known in closed form: n first-order lags, x' = (gain u - x) / tau, that
 //! can be told to fail or to panic. `resources/n.txt` holds n.
 #![allow(dead_code)]
+#![allow(clippy::panic, reason = "it is what some tests are about")]
 
 use bess_consensus::fmi::{
     Access, Causality, Dependencies, Group, Log, LogLevel, Model, ModelError, Phase, Range, Step, Unit,
     Variability,
 };
 use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::Path;
+
+#[cfg(test)]
+pub mod resources;
 
 /// What goes wrong, by the value of the input `fault`.
 pub const STEP_PANICS: i32 = 1;
@@ -226,24 +230,5 @@ impl Mock {
             self.0.y[i] = self.0.x[i] + self.0.u[i];
         }
         self.0.total = self.0.u.iter().sum();
-    }
-}
-
-/// A resources folder for n lags.
-pub struct Resources(pub tempfile::TempDir);
-
-impl Resources {
-    pub fn new(n: usize) -> Self {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        std::fs::write(folder.path().join("n.txt"), n.to_string()).expect("n.txt is written");
-        Resources(folder)
-    }
-
-    pub fn path(&self) -> PathBuf {
-        self.0.path().to_owned()
-    }
-
-    pub fn uri(&self) -> String {
-        format!("file://{}", self.0.path().display())
     }
 }

@@ -2,7 +2,7 @@
 //! into slices and results into a status, and do nothing else; what they mean is in
 //! [`super::instance`].
 //!
-//! Every call on an instance goes through one door, [`enter`]: NULL check, guard against calls from
+//! Every call on an instance goes through one door, `enter`: NULL check, guard against calls from
 //! within the importer's logger, call order, panic fence, error to logger, status. No globals, no
 //! thread-locals.
 
