@@ -1,4 +1,5 @@
 #![cfg(feature = "host")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 //! A C FMU that nobody here wrote Rust for: loaded, run, provoked.
 
 mod harness_support;

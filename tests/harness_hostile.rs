@@ -1,4 +1,5 @@
 #![cfg(feature = "host")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 //! Archives and descriptions that are damaged or mean harm.
 
 mod harness_support;

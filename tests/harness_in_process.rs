@@ -1,4 +1,5 @@
 #![cfg(feature = "host")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 //! A model of ours under the master without C, beside a mock: dx/dt = u.
 
 mod harness_support;

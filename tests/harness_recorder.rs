@@ -1,4 +1,5 @@
 #![cfg(feature = "host")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 //! The trajectory on disk: content, completeness, names, what remains after an error.
 
 mod harness_support;

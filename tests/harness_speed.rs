@@ -1,4 +1,5 @@
 #![cfg(feature = "host")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 //! What the master costs: no allocation in a step (counted), and time (measured on demand, in release:
 //! `cargo test --release --test harness_speed -- --ignored --nocapture`).
 
