@@ -189,7 +189,7 @@ fn variables<M: Model>(instance: &Instance<M>) -> Vec<Variable> {
             variability,
             initial: None,
             start: (causality != Causality::Output).then_some(value),
-            unit: group.unit.map(|unit| unit.name().to_owned()),
+            unit: group.unit.filter(|_| kind == Kind::Real).map(|unit| unit.name().to_owned()),
             description: Some(group.description.to_owned()),
         });
     }
