@@ -23,7 +23,9 @@ pub struct InProcess<M: Model> {
 impl<M: Model> InProcess<M> {
     /// Loads the model from a folder like the `resources/` of its FMU.
     pub fn load(name: &str, resources: &Path) -> Result<Self, CallError> {
-        Instance::new(name, resources).map(|instance| Self::new(name, instance)).map_err(refused("fmi2Instantiate"))
+        Instance::new(name, resources)
+            .map(|instance| Self::new(name, instance))
+            .map_err(refused("fmi2Instantiate"))
     }
 
     /// Wraps a fresh instance.
@@ -158,7 +160,8 @@ fn variables<M: Model>(instance: &Instance<M>) -> Vec<Variable> {
     let registry = instance.registry();
     let mut variables = Vec::with_capacity(registry.len());
     for reference in 1..=registry.len() as u32 {
-        let (Some((group, index)), Some(name)) = (registry.locate(reference), registry.name(reference)) else {
+        let (Some((group, index)), Some(name)) = (registry.locate(reference), registry.name(reference))
+        else {
             continue;
         };
         let causality = match group.causality {
@@ -186,7 +189,7 @@ fn variables<M: Model>(instance: &Instance<M>) -> Vec<Variable> {
             variability,
             initial: None,
             start: (causality != Causality::Output).then_some(value),
-            unit: group.unit.map(|unit| unit.name().to_owned()),
+            unit: group.unit.filter(|_| kind == Kind::Real).map(|unit| unit.name().to_owned()),
             description: Some(group.description.to_owned()),
         });
     }

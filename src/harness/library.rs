@@ -24,7 +24,7 @@ const PLATFORM: (&[&str], &str) = (&["darwin64"], "dylib");
 const PLATFORM: (&[&str], &str) = (&[], "so");
 
 /// The function inside one of the C headers' `Option<fn>` types.
-trait Inner {
+pub(super) trait Inner {
     type Function;
 }
 

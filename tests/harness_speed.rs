@@ -1,0 +1,131 @@
+#![cfg(feature = "host")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+//! What the master costs: no allocation in a step (counted), and time (measured on demand, in release:
+//! `cargo test --release --test harness_speed -- --ignored --nocapture`).
+
+mod harness_support;
+
+use bess_consensus::harness::*;
+use harness_support::{MS, Mock, S};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+struct Counting;
+static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
+
+// SAFETY: hands everything on to the system's allocator and only counts.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// Case 1 in size: a controller with 85 outputs, a grid with 175, 28 and 35 connections, all values
+/// new in every step.
+fn case_1() -> (Vec<Box<dyn Participant>>, Vec<Connection>) {
+    let noise = |cells: &mut [f64], t: i64, _: i64| {
+        let mut bits = (t as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        for cell in cells {
+            bits = bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            *cell = 0.9 + (bits >> 11) as f64 / (1_u64 << 57) as f64;
+        }
+    };
+    let part = |name: &str, own: &str, other: &str, outputs: usize, inputs: usize| {
+        let mock = Mock::new(name, noise);
+        let mock = (0..outputs).fold(mock, |mock, k| mock.output(&format!("{own}[{k}]"), Kind::Real, 1.0));
+        (0..inputs).fold(mock, |mock, k| mock.input(&format!("{other}[{k}]"), Kind::Real, 1.0)).boxed()
+    };
+    let participants = vec![part("controller", "c", "g", 85, 35), part("grid", "g", "c", 175, 28)];
+    let connections = connect_equal_names(&participants).unwrap();
+    assert_eq!(connections.len(), 63);
+    (participants, connections)
+}
+
+fn allocations(stop_ns: i64, algorithm: Algorithm, make: &dyn Fn() -> Box<dyn Observer>) -> u64 {
+    let (mut participants, connections) = case_1();
+    let plan = Plan { stop_ns, step_ns: 10 * MS, algorithm, connections, ..Plan::default() };
+    let mut observer = make();
+    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    run(&mut participants, &plan, observer.as_mut()).unwrap();
+    ALLOCATIONS.load(Ordering::Relaxed) - before
+}
+
+#[test]
+fn a_step_allocates_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let observers: [&dyn Fn() -> Box<dyn Observer>; 3] =
+        [&|| Box::new(Silent), &|| Box::new(Memory::new(1, |column| column.participant == "grid")), &|| {
+            Box::new(Recorder::new(folder.path(), 1))
+        }];
+    for (number, observer) in observers.into_iter().enumerate() {
+        for algorithm in [Algorithm::Jacobi, Algorithm::GaussSeidel] {
+            let (few, many) = (allocations(S, algorithm, observer), allocations(30 * S, algorithm, observer));
+            // 2,900 steps more. The recorder's thread may meet its first waits at different places.
+            let spare = if number == 2 { 60 } else { 0 };
+            assert!(many <= few + spare, "observer {number}, {algorithm:?}: {few} then {many}");
+        }
+    }
+}
+
+const RUNS: usize = 10;
+
+/// CPU time of this process, s: on a busy machine the only fair clock.
+fn cpu_s() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap();
+    let fields: Vec<&str> = stat.rsplit(')').next().unwrap().split_whitespace().collect();
+    (fields[11].parse::<f64>().unwrap() + fields[12].parse::<f64>().unwrap()) / 100.0
+}
+
+#[test]
+#[ignore = "a measurement"]
+fn what_a_step_costs() {
+    let folder = tempfile::tempdir().unwrap();
+    for algorithm in [Algorithm::Jacobi, Algorithm::GaussSeidel] {
+        for (name, is_recorded) in [("silent", false), ("recorded", true)] {
+            let cpu = cpu_s();
+            let times: Vec<(Duration, Duration)> = (0..RUNS)
+                .map(|_| {
+                    let (mut participants, connections) = case_1();
+                    let plan = Plan {
+                        stop_ns: 120 * S,
+                        step_ns: 10 * MS,
+                        algorithm,
+                        connections,
+                        ..Plan::default()
+                    };
+                    let mut recorder = Recorder::new(folder.path(), 1);
+                    let observer: &mut dyn Observer = if is_recorded { &mut recorder } else { &mut Silent };
+                    let begun = Instant::now();
+                    let outcome = run(&mut participants, &plan, observer).unwrap();
+                    let total = begun.elapsed();
+                    (total, total - outcome.stepping.iter().sum::<Duration>())
+                })
+                .collect();
+            let ms = |time: &Duration| time.as_secs_f64() * 1e3;
+            println!(
+                "{algorithm:?}, {name}: best {:.1} ms in all, best {:.1} ms without the participants' steps; CPU of \
+                 all threads {:.1} ms on average",
+                times.iter().map(|(total, _)| ms(total)).fold(f64::INFINITY, f64::min),
+                times.iter().map(|(_, own)| ms(own)).fold(f64::INFINITY, f64::min),
+                (cpu_s() - cpu) / RUNS as f64 * 1e3
+            );
+        }
+    }
+    let size = std::fs::metadata(folder.path().join("trajectory.csv")).unwrap().len();
+    println!("trajectory.csv: {:.1} MB", size as f64 / 1e6);
+}
