@@ -88,6 +88,7 @@ fn no_step_allocates() {
         let mut config = Config::unit(n, explicit(edges, pins));
         change(&mut config);
         let mut controller = Controller::new(config).unwrap();
+        controller.inputs_mut().enable = true;
         controller.inputs_mut().available[3] = false;
         controller.refresh(&mut |_| {});
         for mut controller in [controller.clone(), controller] {

@@ -55,6 +55,7 @@ fn the_average_policy_shares_q_and_restores_the_mean_through_leaving_and_joining
         config.voltage_policy = VoltagePolicy::Average;
         config.delay_s = delay_s;
         let mut controller = Controller::new(config).unwrap();
+        controller.inputs_mut().enable = true;
         let (h_ns, mut now_ns) = (20_000_000, 0);
         let mut run = |available: bool, steps: usize| {
             for _ in 0..steps {
@@ -90,6 +91,7 @@ fn powers_stay_within_their_limits_and_the_others_go_on() {
     config.limits = Limits { P_max: Some(P_max), ..Limits::default() };
     config.K_P = vec![0.01; n];
     let mut controller = Controller::new(config).unwrap();
+    controller.inputs_mut().enable = true;
     // A single-node grid: one frequency, the load shared by the droops; all SoC equal.
     let load = 5.0;
     for k in 0..20_000 {
@@ -117,6 +119,7 @@ fn the_exchange_respects_its_limits_edge_by_edge() {
         let mut config = Config::unit(n, explicit(edges.clone(), vec![pin(0, 1.0)]));
         change(&mut config);
         let mut controller = Controller::new(config).unwrap();
+        controller.inputs_mut().enable = true;
         let inputs = controller.inputs_mut();
         inputs.P.copy_from_slice(&P);
         inputs.E.copy_from_slice(&E);

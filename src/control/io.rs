@@ -36,7 +36,8 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Inputs before the first measurement: rest at nominal voltage and frequency, batteries 70 % full.
+    /// Inputs before the first measurement: rest at nominal voltage and frequency, batteries 70 % full, and the
+    /// controller off until it is told to act.
     pub fn start(config: &Config) -> Self {
         let n = config.agents();
         Self {
@@ -48,7 +49,7 @@ impl Inputs {
             omega_ref: 1.0,
             V_ref: 1.0,
             P_ref: 0.0,
-            enable: true,
+            enable: false,
             dispatch: false,
             available: vec![true; n],
             topology: 1,

@@ -1,7 +1,7 @@
 //! The master algorithm: fixed communication steps, Jacobi or Gauss-Seidel, events exactly on time.
 //! Single-threaded and deterministic; knows no FMU, only participants.
 //!
-//! At a communication point: apply the events due, read all outputs, set the connected inputs, show
+//! At a communication point: apply the events due, pass outputs on to inputs, read all outputs, show
 //! the sample to the observer, step all. With Gauss-Seidel each participant, in the order given, gets
 //! its inputs right before its own step, so that it sees what those before it have just computed.
 
@@ -175,11 +175,9 @@ impl Run {
                 next_event += 1;
             }
             self.outcome.events = next_event;
-            self.read(participants)?;
-            if self.algorithm == Algorithm::Jacobi {
-                for index in 0..participants.len() {
-                    self.write(participants, index)?;
-                }
+            match self.algorithm {
+                Algorithm::Jacobi => self.exchange(participants)?,
+                Algorithm::GaussSeidel => self.read(participants)?,
             }
             let last = self.schedule.is_last();
             observer.sample(Sample { t_ns, regular: self.schedule.regular(), last, values: &self.values })?;
@@ -216,6 +214,38 @@ impl Run {
             }
         }
         Ok(())
+    }
+
+    /// Gives every input the value of this communication point, even where an output follows an input at
+    /// once: outputs are passed on participant by participant, and read again where new inputs moved them.
+    /// Without this a loop with feedthrough would run one step late.
+    fn exchange(&mut self, participants: &mut [Box<dyn Participant>]) -> Result<(), HarnessError> {
+        for index in 0..participants.len() {
+            if index > 0 {
+                self.write(participants, index)?;
+            }
+            self.read_sources(participants, index)?;
+        }
+        for index in 0..participants.len() {
+            if self.write(participants, index)? {
+                mark(&mut self.is_stale, index, true);
+            }
+        }
+        self.read(participants)
+    }
+
+    fn read_sources(
+        &mut self,
+        participants: &mut [Box<dyn Participant>],
+        index: usize,
+    ) -> Result<(), HarnessError> {
+        let t_ns = self.schedule.now_ns();
+        let (Some(participant), Some(port)) = (participants.get_mut(index), self.wiring.ports.get_mut(index))
+        else {
+            return Ok(());
+        };
+        let read = port.read_sources(participant.as_mut(), &mut self.values);
+        read.map_err(|source| failed(participant.as_ref(), t_ns, source))
     }
 
     fn read(&mut self, participants: &mut [Box<dyn Participant>]) -> Result<(), HarnessError> {

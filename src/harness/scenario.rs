@@ -6,7 +6,7 @@ use super::description::Causality;
 use super::error::HarnessError;
 use super::fmu::Fmu;
 use super::in_process::InProcess;
-use super::master::{Algorithm, Event, Plan, Setting};
+use super::plan::{Algorithm, Event, Plan, Setting};
 use super::participant::{CallError, Participant};
 use super::value::Value;
 use crate::fmi::{Instance, Interface, Logger, Model, ModelError};

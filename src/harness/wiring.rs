@@ -21,6 +21,10 @@ pub(super) struct Wiring {
 /// What is read from and set in one participant.
 #[derive(Default)]
 pub(super) struct Port {
+    /// Connected outputs that are Real.
+    sources: Sources,
+    /// Whether a connected output is not Real.
+    has_other_sources: bool,
     real: Outputs<f64>,
     integer: Outputs<i32>,
     boolean: Outputs<i32>,
@@ -34,6 +38,13 @@ struct Outputs<T> {
     references: Vec<u32>,
     first_column: usize,
     scratch: Vec<T>,
+}
+
+#[derive(Default)]
+struct Sources {
+    references: Vec<u32>,
+    columns: Vec<usize>,
+    values: Vec<f64>,
 }
 
 #[derive(Default)]
@@ -126,22 +137,55 @@ impl Port {
         Ok(())
     }
 
-    /// Sets all connected inputs; says whether one of them is new.
+    /// Reads the connected outputs alone into their columns.
+    pub fn read_sources(
+        &mut self,
+        participant: &mut dyn Participant,
+        values: &mut [f64],
+    ) -> Result<(), CallError> {
+        if self.has_other_sources {
+            return self.read(participant, values);
+        }
+        if !self.sources.references.is_empty() {
+            participant.get_real(&self.sources.references, &mut self.sources.values)?;
+            for (column, found) in self.sources.columns.iter().zip(&self.sources.values) {
+                if let Some(value) = values.get_mut(*column) {
+                    *value = *found;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Sets the connected inputs where one of them is new; says whether.
     pub fn write(&mut self, participant: &mut dyn Participant, values: &[f64]) -> Result<bool, WriteError> {
         let real = self.real_in.fill(values, Kind::Real, Some)?;
         let integer = self.integer_in.fill(values, Kind::Integer, to_integer)?;
         let boolean =
             self.boolean_in.fill(values, Kind::Boolean, |value| to_boolean(value).map(i32::from))?;
-        if !self.real_in.references.is_empty() {
+        if real {
             participant.set_real(&self.real_in.references, &self.real_in.values)?;
         }
-        if !self.integer_in.references.is_empty() {
+        if integer {
             participant.set_integer(&self.integer_in.references, &self.integer_in.values)?;
         }
-        if !self.boolean_in.references.is_empty() {
+        if boolean {
             participant.set_boolean(&self.boolean_in.references, &self.boolean_in.values)?;
         }
         Ok(real || integer || boolean)
+    }
+}
+
+impl Port {
+    fn add_source(&mut self, from: &Variable, column: usize) {
+        let sources = &mut self.sources;
+        if from.kind != Kind::Real {
+            self.has_other_sources = true;
+        } else if !sources.columns.contains(&column) {
+            sources.references.push(from.reference);
+            sources.columns.push(column);
+            sources.values.push(0.0);
+        }
     }
 }
 
@@ -250,7 +294,7 @@ impl Wiring {
         let mut sources: BTreeMap<&Endpoint, &Endpoint> = BTreeMap::new();
         for (number, connection) in connections.iter().enumerate() {
             let place = format!("connection {} ({} to {})", number + 1, connection.from, connection.to);
-            let (_, from) = lookup.find(&place, &connection.from)?;
+            let (source, from) = lookup.find(&place, &connection.from)?;
             let (target, to) = lookup.find(&place, &connection.to)?;
             let role = |name: &Endpoint, found: String, expected| CouplingError::Role {
                 place: place.clone(),
@@ -283,6 +327,9 @@ impl Wiring {
                     to: connection.to.clone(),
                     first: "an event".into(),
                 });
+            }
+            if let Some(port) = self.ports.get_mut(source) {
+                port.add_source(from, column);
             }
             let link = Link { column, factor, offset, to: to.name.clone() };
             let Some(port) = self.ports.get_mut(target) else { continue };

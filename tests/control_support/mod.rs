@@ -176,7 +176,8 @@ pub struct Loop {
 
 impl Loop {
     pub fn new(config: Config, start: &Sample) -> Self {
-        let controller = Controller::new(config).unwrap();
+        let mut controller = Controller::new(config).unwrap();
+        controller.inputs_mut().enable = true;
         let mut coupled = Self {
             controller,
             plant: start.clone(),
