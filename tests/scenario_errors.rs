@@ -34,7 +34,8 @@ fn says(error: Result<Resolved, String>, parts: &[&str]) {
 fn the_built_in_scenario_is_sound_and_has_the_papers_parameters() {
     let resolved = Resolved::load("case1", &Map::new()).unwrap();
     assert_eq!(resolved.control.K_P, [0.004, 0.0048, 0.005, 0.0036, 0.0038, 0.00408, 0.0044]);
-    let soc: Vec<f64> = resolved.grid.bess.iter().zip(&resolved.control.capacity).map(|(b, c)| b.E_start / c).collect();
+    let soc: Vec<f64> =
+        resolved.grid.bess.iter().zip(&resolved.control.capacity).map(|(b, c)| b.E_start / c).collect();
     for (soc, expected) in soc.iter().zip([0.704, 0.703, 0.702, 0.7, 0.699, 0.698, 0.696]) {
         assert!((soc - expected).abs() < 1e-15);
     }
@@ -50,7 +51,10 @@ fn a_wrong_key_names_the_right_ones() {
 
 #[test]
 fn a_wrong_type_says_both_types() {
-    says(document(case1_text("\"K_P\": 0.0048", "\"K_P\": \"0.0048\"")), &["bess[1].K_P", "string \"0.0048\"", "f64"]);
+    says(
+        document(case1_text("\"K_P\": 0.0048", "\"K_P\": \"0.0048\"")),
+        &["bess[1].K_P", "string \"0.0048\"", "f64"],
+    );
 }
 
 #[test]
@@ -60,9 +64,18 @@ fn text_that_is_no_json_says_where() {
 
 #[test]
 fn a_limit_of_nan_is_refused_at_its_place() {
-    says(document(case1_text("\"bus\": 1,", "\"bus\": 1, \"P_exchange_max\": NaN,")), &["bess[0].P_exchange_max", "line 7"]);
-    says(document(case1_text("\"bus\": 1,", "\"bus\": 1, \"P_exchange_max\": \"NaN\",")), &["bess[0].P_exchange_max", "f64"]);
-    says(document(case1_text("\"bus\": 1,", "\"bus\": 1, \"P_exchange_max\": 1e999,")), &["bess[0].P_exchange_max", "out of range"]);
+    says(
+        document(case1_text("\"bus\": 1,", "\"bus\": 1, \"P_exchange_max\": NaN,")),
+        &["bess[0].P_exchange_max", "line 7"],
+    );
+    says(
+        document(case1_text("\"bus\": 1,", "\"bus\": 1, \"P_exchange_max\": \"NaN\",")),
+        &["bess[0].P_exchange_max", "f64"],
+    );
+    says(
+        document(case1_text("\"bus\": 1,", "\"bus\": 1, \"P_exchange_max\": 1e999,")),
+        &["bess[0].P_exchange_max", "out of range"],
+    );
 }
 
 #[test]
@@ -93,13 +106,25 @@ fn graphs_are_checked() {
     assert!(case1_with("communication.graphs", graph(&PATH, &[1])).is_ok());
     let mut beyond = PATH;
     beyond[5] = (6, 8);
-    says(case1_with("communication.graphs", graph(&beyond, &[1])), &["communication.graphs[0].edges[5].b", "found 8", "7"]);
-    says(case1_with("communication.graphs", graph(&PATH[..5], &[1])), &["communication.graphs[0]", "connected"]);
+    says(
+        case1_with("communication.graphs", graph(&beyond, &[1])),
+        &["communication.graphs[0].edges[5].b", "found 8", "7"],
+    );
+    says(
+        case1_with("communication.graphs", graph(&PATH[..5], &[1])),
+        &["communication.graphs[0]", "connected"],
+    );
     says(case1_with("communication.graphs", graph(&PATH, &[])), &["communication.graphs[0]", "pin"]);
-    says(case1_with("communication.graphs", graph(&PATH, &[9])), &["communication.graphs[0].pins[0].agent", "found 9"]);
+    says(
+        case1_with("communication.graphs", graph(&PATH, &[9])),
+        &["communication.graphs[0].pins[0].agent", "found 9"],
+    );
     let mut weight = graph(&PATH, &[1]);
     weight[0]["edges"][2]["weight"] = json!(-1);
-    says(case1_with("communication.graphs", weight), &["communication.graphs[0].edges[2].weight", "found -1"]);
+    says(
+        case1_with("communication.graphs", weight),
+        &["communication.graphs[0].edges[2].weight", "found -1"],
+    );
 }
 
 #[test]
@@ -113,7 +138,10 @@ fn the_frame_is_checked() {
     says(case1_with("grid.case", json!("case58")), &["grid.case", "case58", "case57"]);
     says(case1_with("grid.tie.X", json!(0)), &["grid.tie.X", "found 0"]);
     says(case1_with("events[0].at_s", json!(-1)), &["events[0].at_s", "found -1"]);
-    says(case1_with("events[0].set", json!({"controller.enable": "yes"})), &["events[0].set.controller.enable", "yes"]);
+    says(
+        case1_with("events[0].set", json!({"controller.enable": "yes"})),
+        &["events[0].set.controller.enable", "yes"],
+    );
     says(case1_with("bess[7].bus", json!(1)), &["bess[7].bus", "index `7`", "0 to 6"]);
 }
 
@@ -138,7 +166,8 @@ fn the_published_schema_is_fresh() {
 fn a_scenario_written_out_and_read_again_resolves_to_the_same() {
     let (source, read) = scenario::Scenario::load("case1").unwrap();
     let again = Source { text: serde_json::to_string(&read).unwrap(), ..source.clone() };
-    let (first, second) = (Resolved::of(&source, &Map::new()).unwrap(), Resolved::of(&again, &Map::new()).unwrap());
+    let (first, second) =
+        (Resolved::of(&source, &Map::new()).unwrap(), Resolved::of(&again, &Map::new()).unwrap());
     assert_eq!(first.control, second.control);
     assert_eq!(first.grid, second.grid);
 }

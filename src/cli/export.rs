@@ -48,7 +48,10 @@ pub fn export(args: &ExportArgs) -> Result<(), Failure> {
     write(args.part, &resolved, &output, &libraries).map_err(|error| {
         let report = match &error {
             PackageError::NoLibrary { .. } => {
-                miette::miette!(help = "build it with `cargo xtask fmu`, or name its folder with --libraries", "{error}")
+                miette::miette!(
+                    help = "build it with `cargo xtask fmu`, or name its folder with --libraries",
+                    "{error}"
+                )
             }
             _ => miette::miette!("{error}"),
         };
@@ -59,7 +62,12 @@ pub fn export(args: &ExportArgs) -> Result<(), Failure> {
 }
 
 /// Writes one part of a resolved scenario as an FMU.
-fn write(part: Part, resolved: &Resolved, output: &std::path::Path, libraries: &std::path::Path) -> Result<(), PackageError> {
+fn write(
+    part: Part,
+    resolved: &Resolved,
+    output: &std::path::Path,
+    libraries: &std::path::Path,
+) -> Result<(), PackageError> {
     match part {
         Part::Controller => package::write_controller(output, resolved, libraries),
         Part::Grid => package::write_grid(output, resolved, libraries),

@@ -30,7 +30,7 @@ pub struct Config {
     /// Communication delay tau of every edge without a delay of its own, s, >= 0; equation (34).
     #[serde(default)]
     pub delay_s: f64,
-    /// Least width of the boundary layer, s, >= 0: theta = max(3 h, theta_min); DESIGN 1.1.
+    /// Least width of the boundary layer, s, >= 0: theta = max(h, theta_min); DESIGN 1.1.
     #[serde(default)]
     pub theta_min_s: f64,
     /// Boundary layer of the energy exchange, s, >= 0; covers the inverter's own lag.

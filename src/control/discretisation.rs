@@ -45,15 +45,10 @@ impl SignPower {
     }
 }
 
-/// Communication steps by which a master may deliver measurements late: FMI masters exchange signals with
-/// 0 to 3 steps of delay, and a boundary layer of one step diverges from the first step of delay on.
-pub const LAG_STEPS: f64 = 3.0;
-
-/// theta = max(3 h, theta_min), s: the boundary layer of DESIGN 1.1, wide enough for [`LAG_STEPS`]; 0 where
-/// nothing is capped.
+/// theta = max(h, theta_min), s: the boundary layer of DESIGN 1.1; 0 where nothing is capped.
 pub fn boundary_layer(discretisation: Discretisation, h_s: f64, theta_min_s: f64) -> f64 {
     match discretisation {
-        Discretisation::Capped => (LAG_STEPS * h_s).max(theta_min_s),
+        Discretisation::Capped => h_s.max(theta_min_s),
         Discretisation::Explicit => 0.0,
     }
 }

@@ -20,7 +20,7 @@ pub fn estimates(network: &Network, transfers: &[f64], V: &[f64], vbar: &mut [f6
 }
 
 /// z_ij -= h f_ij, f_ij the capped flow (DESIGN 1.1) of vbar_i - vbar_j, both at t - tau, with
-/// theta = max(3 h, theta_min, 2 tau) so that no delay destabilises it; `flow` is made for no delay.
+/// theta = max(h, theta_min, 2 tau) so that no delay destabilises it; `flow` is made for no delay.
 pub fn advance(
     network: &Network,
     history: &History,

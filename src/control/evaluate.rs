@@ -4,7 +4,7 @@
 use super::config::{Discretisation, VoltagePolicy};
 use super::controller::Controller;
 use super::delay::Quantity;
-use super::discretisation::{Flow, LAG_STEPS, SignPower, boundary_layer};
+use super::discretisation::{Flow, SignPower, boundary_layer};
 use super::estimator::estimates;
 use super::exchange::setpoints;
 use super::limits::{hold_back, restrict, room};
@@ -179,7 +179,7 @@ impl Controller {
         let parameters = &self.state.parameters;
         // theta_E is part of the exchange, not of its sampling: the bare law keeps it.
         let theta_s = match parameters.discretisation {
-            Discretisation::Capped => (LAG_STEPS * h_s).max(parameters.theta_E),
+            Discretisation::Capped => h_s.max(parameters.theta_E),
             Discretisation::Explicit => parameters.theta_E,
         };
         let mut flows = std::mem::take(&mut self.scratch.flows);

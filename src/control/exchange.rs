@@ -17,7 +17,7 @@ pub struct Exchange<'a> {
     pub power: SignPower,
     /// g_E.
     pub gain: f64,
-    /// max(3 h, theta_E), s; zero is the bare law.
+    /// max(h, theta_E), s; zero is the bare law.
     pub theta_s: f64,
     /// Step, s, for the ramps.
     pub h_s: f64,
@@ -36,7 +36,7 @@ pub struct Exchange<'a> {
 impl Exchange<'_> {
     /// f_ij = sgn(d) min(3600 g_E w_ij s(d), 3600 min(C_i, C_j) abs(d) / (theta (1 + max(deg_i, deg_j)))),
     /// d = SoC_i - SoC_j, pu, limited to min(P_exchange_max_i / deg_i, P_exchange_max_j / deg_j), both ends
-    /// at t - tau, with theta = max(3 h, theta_E, 2 tau). `flows` holds those of the last step and becomes
+    /// at t - tau, with theta = max(h, theta_E, 2 tau). `flows` holds those of the last step and becomes
     /// those of this one; `limited` is set for the agents whose limits bind.
     pub fn flows(
         &self,

@@ -6,8 +6,8 @@ use super::description::Causality;
 use super::error::HarnessError;
 use super::fmu::Fmu;
 use super::in_process::InProcess;
-use super::plan::{Algorithm, Event, Plan, Setting};
 use super::participant::{CallError, Participant};
+use super::plan::{Algorithm, Event, Plan, Setting};
 use super::value::Value;
 use crate::fmi::{Instance, Interface, Logger, Model, ModelError};
 use crate::models::{Controller, Grid};
@@ -104,7 +104,12 @@ fn plan(
     let table: Vec<Connection> = scenario
         .connections
         .iter()
-        .map(|c| Connection { from: endpoint(&c.from), to: endpoint(&c.to), factor: c.factor, offset: c.offset })
+        .map(|c| Connection {
+            from: endpoint(&c.from),
+            to: endpoint(&c.to),
+            factor: c.factor,
+            offset: c.offset,
+        })
         .collect();
     initial.extend(settings(&scenario.initial));
     Ok(Plan {

@@ -31,7 +31,12 @@ pub fn group<M>(
 }
 
 /// A Real input.
-pub fn input<M>(name: &'static str, description: &'static str, get: Get<M, f64>, set: Set<M, f64>) -> Group<M> {
+pub fn input<M>(
+    name: &'static str,
+    description: &'static str,
+    get: Get<M, f64>,
+    set: Set<M, f64>,
+) -> Group<M> {
     group(name, description, Causality::Input, Access::Real(get, Some(set)))
 }
 

@@ -70,22 +70,14 @@ pub fn library_file_name(identifier: &str) -> String {
 }
 
 /// Writes `BessConsensus.fmu` for a scenario.
-pub fn write_controller(
-    path: &Path,
-    resolved: &Resolved,
-    libraries: &Path,
-) -> Result<(), PackageError> {
+pub fn write_controller(path: &Path, resolved: &Resolved, libraries: &Path) -> Result<(), PackageError> {
     let resource = Controller::resource(resolved);
     let json = resource.to_json()?;
     write(path, &Controller::new(resource)?, (Controller::RESOURCE, json), libraries)
 }
 
 /// Writes `BessGrid.fmu` for a scenario.
-pub fn write_grid(
-    path: &Path,
-    resolved: &Resolved,
-    libraries: &Path,
-) -> Result<(), PackageError> {
+pub fn write_grid(path: &Path, resolved: &Resolved, libraries: &Path) -> Result<(), PackageError> {
     let resource = Grid::resource(resolved);
     let json = resource.to_json()?;
     write(path, &Grid::new(resource)?, (Grid::RESOURCE, json), libraries)
@@ -105,7 +97,10 @@ fn write<M: Model>(
         std::fs::read(&library).map_err(|cause| PackageError::Read { file: library.clone(), cause })?;
     let name = format!("{}{}", M::IDENTIFIER, std::env::consts::DLL_SUFFIX);
     let entries: Entries = [
-        ("modelDescription.xml".to_owned(), model_description::write(model, Interface::Structured)?.into_bytes()),
+        (
+            "modelDescription.xml".to_owned(),
+            model_description::write(model, Interface::Structured)?.into_bytes(),
+        ),
         (format!("binaries/{PLATFORM}/{name}"), bytes),
         (format!("resources/{resource}"), json),
         ("documentation/licenses/LICENSE-MIT".to_owned(), include_bytes!("../../LICENSE-MIT").to_vec()),

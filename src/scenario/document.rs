@@ -168,7 +168,7 @@ pub struct Control {
     pub gains: Gains,
     /// Communication delay tau of every edge without one of its own, s.
     pub delay_s: f64,
-    /// Least width of the boundary layer, s: theta = max(3 steps, theta_min).
+    /// Least width of the boundary layer, s: theta = max(step, theta_min).
     pub theta_min_s: f64,
     /// Boundary layer of the energy exchange, s; covers the inverter's own lag.
     #[serde(rename = "theta_E_s")]

@@ -60,8 +60,9 @@ pub fn read(source: &Source, set: &Map<String, Value>) -> Result<Scenario, Scena
 
 /// `control.eta=0.3` as a path and a JSON value; what is no JSON is taken as a string.
 pub fn parse_assignment(text: &str) -> Result<(String, Value), String> {
-    let (path, value) =
-        text.split_once('=').ok_or_else(|| format!("found `{text}`, expected PATH=VALUE, as control.eta=0.3"))?;
+    let (path, value) = text
+        .split_once('=')
+        .ok_or_else(|| format!("found `{text}`, expected PATH=VALUE, as control.eta=0.3"))?;
     let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.into()));
     Ok((path.trim().into(), value))
 }
@@ -91,11 +92,10 @@ fn replace(document: &mut Value, path: &str, value: Value) -> Result<(), (String
         place = object.entry(key).or_insert_with(|| Value::Object(Map::new()));
         for index in indices.into_iter().flat_map(|rest| rest.trim_end_matches(']').split("][")) {
             let length = place.as_array().map_or(0, Vec::len);
-            place = index
-                .parse::<usize>()
-                .ok()
-                .and_then(|i| place.as_array_mut()?.get_mut(i))
-                .ok_or_else(|| (format!("index `{index}`"), format!("0 to {}", length.saturating_sub(1))))?;
+            place =
+                index.parse::<usize>().ok().and_then(|i| place.as_array_mut()?.get_mut(i)).ok_or_else(
+                    || (format!("index `{index}`"), format!("0 to {}", length.saturating_sub(1))),
+                )?;
         }
     }
     *place = value;

@@ -72,12 +72,17 @@ fn check_frame(scenario: &Scenario, origin: &str) -> Result<(), ScenarioError> {
         return wrong("stop_s".into(), scenario.stop_s.to_string(), "a time greater than 0, s");
     }
     if !length(scenario.step_s) || scenario.step_s > scenario.stop_s {
-        return wrong("step_s".into(), scenario.step_s.to_string(), "a time greater than 0 and at most stop_s, s");
+        return wrong(
+            "step_s".into(),
+            scenario.step_s.to_string(),
+            "a time greater than 0 and at most stop_s, s",
+        );
     }
     if scenario.record_every == 0 {
         return wrong("record_every".into(), "0".into(), "1 or more: every k-th step is recorded");
     }
-    if scenario.name.is_empty() || scenario.name.contains(['/', '\\', '\0']) || scenario.name.starts_with('.') {
+    if scenario.name.is_empty() || scenario.name.contains(['/', '\\', '\0']) || scenario.name.starts_with('.')
+    {
         return wrong("name".into(), format!("{:?}", scenario.name), "a name that can be a folder: my-case");
     }
     if scenario.bess.is_empty() {

@@ -2,14 +2,24 @@
 
 use super::document::{Bess, Distance, Scenario};
 use super::error::ScenarioError;
-use crate::control::config::{Config, Limits};
 use crate::control::communication::{Communication, Explicit, StepByStep};
+use crate::control::config::{Config, Limits};
 use crate::control::{ConfigError, Problem};
 
 /// Per-agent vectors of `control::Config` that stand as a key of each battery here.
 const PER_BESS: [&str; 12] = [
-    "K_P", "K_Q", "capacity", "P_exchange_max", "omega_set_start", "V_set_start", "limits.P_max", "limits.Q_max",
-    "limits.S_max", "limits.omega_set_rate", "limits.V_set_rate", "limits.P_set_rate",
+    "K_P",
+    "K_Q",
+    "capacity",
+    "P_exchange_max",
+    "omega_set_start",
+    "V_set_start",
+    "limits.P_max",
+    "limits.Q_max",
+    "limits.S_max",
+    "limits.omega_set_rate",
+    "limits.V_set_rate",
+    "limits.P_set_rate",
 ];
 
 /// Paths of `control::Config` and of the scenario, longest first.
@@ -45,7 +55,11 @@ pub fn control(
         }
         let absent = values.iter().position(Option::is_none);
         absent.map_or(Ok(Some(values.iter().flatten().copied().collect())), |i| {
-            Err(at(format!("bess[{i}].{key}"), "nothing".into(), "a number, because other batteries have one"))
+            Err(at(
+                format!("bess[{i}].{key}"),
+                "nothing".into(),
+                "a number, because other batteries have one",
+            ))
         })
     };
     let each = |value: fn(&Bess) -> f64| bess.iter().map(value).collect::<Vec<f64>>();

@@ -51,7 +51,8 @@ fn case(scenario: &Scenario, source: &Source) -> Result<CaseSource, ScenarioErro
     let file = source.folder.join(&scenario.grid.case);
     let text = std::fs::read_to_string(&file)
         .map_err(|cause| ScenarioError::Unreadable { file: file.clone(), cause })?;
-    let read = if scenario.grid.case.ends_with(".m") { Case::from_matpower(&text) } else { Case::from_json(&text) };
+    let read =
+        if scenario.grid.case.ends_with(".m") { Case::from_matpower(&text) } else { Case::from_json(&text) };
     let case = read.map_err(|error| moved(&file.display().to_string(), &error))?;
     Ok(CaseSource::Inline(Box::new(case)))
 }
@@ -68,10 +69,8 @@ fn moved(origin: &str, error: &GridError) -> ScenarioError {
             found: found.clone(),
             expected: expected.clone(),
         },
-        other => ScenarioError::Document {
-            origin: origin.into(),
-            path: "grid".into(),
-            problem: other.to_string(),
-        },
+        other => {
+            ScenarioError::Document { origin: origin.into(), path: "grid".into(), problem: other.to_string() }
+        }
     }
 }

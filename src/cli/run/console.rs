@@ -7,10 +7,8 @@ use std::path::Path;
 
 /// The table and the folder.
 pub fn table(results: &Results, folder: &Path, report: bool) -> String {
-    let mut text = format!(
-        "\n{}: {} s in steps of {} s\n\n",
-        results.scenario, results.simulated_s, results.step_s
-    );
+    let mut text =
+        format!("\n{}: {} s in steps of {} s\n\n", results.scenario, results.simulated_s, results.step_s);
     let width = results.phases.iter().map(|p| p.name.chars().count()).max().unwrap_or(0).max(6);
     let _ = writeln!(
         text,
@@ -37,13 +35,15 @@ pub fn table(results: &Results, folder: &Path, report: bool) -> String {
         "\nWorst of the last {} s of each phase, pu. Settled: frequency and K_P P within {} until the next event.",
         options.window_s, options.omega_tolerance
     );
-    let _ = writeln!(text, "Largest |sum of P_set| at any instant: {} pu.", figure(results.worst_sum_of_P_set));
+    let _ =
+        writeln!(text, "Largest |sum of P_set| at any instant: {} pu.", figure(results.worst_sum_of_P_set));
     let _ = writeln!(
         text,
         "{:.0} times faster than real time ({:.3} s).",
         results.real_time_factor, results.wall_s
     );
-    let files = if report { "trajectory.csv, summary.json, report.html" } else { "trajectory.csv, summary.json" };
+    let files =
+        if report { "trajectory.csv, summary.json, report.html" } else { "trajectory.csv, summary.json" };
     let _ = writeln!(text, "Results in {}: {files}", folder.display());
     text
 }

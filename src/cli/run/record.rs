@@ -87,9 +87,8 @@ fn measured(plan: &Plan, memory: &Memory, n: usize) -> Vec<(String, Vec<f64>)> {
     for quantity in ["P", "Q", "V", "omega", "E"] {
         for i in 1..=n {
             let input = format!("{quantity}[{i}]");
-            let feeds = |c: &&crate::harness::Connection| {
-                c.to.participant == CONTROLLER && c.to.variable == input
-            };
+            let feeds =
+                |c: &&crate::harness::Connection| c.to.participant == CONTROLLER && c.to.variable == input;
             let Some(connection) = plan.connections.iter().find(feeds) else { continue };
             let from = &connection.from;
             if let Some(values) = memory.values(&from.participant, &from.variable) {

@@ -118,7 +118,11 @@ impl Results {
                 text: format!(
                     "{} s simulated in {:.3} s, {:.0} times faster than real time, with a communication step of \
                      {} s. The sum of the power references stayed within {:.1e} pu of zero.",
-                    self.simulated_s, self.wall_s, self.real_time_factor, self.step_s, self.worst_sum_of_P_set
+                    self.simulated_s,
+                    self.wall_s,
+                    self.real_time_factor,
+                    self.step_s,
+                    self.worst_sum_of_P_set
                 ),
                 items: vec![phase_table(&self.phases, &self.agents, &self.options)],
             },
@@ -136,8 +140,12 @@ impl Results {
             subtitle: resolved.scenario.description.clone(),
             status: Some(Status {
                 good: self.settled(),
-                text: if self.settled() { "Settled after every event" } else { "Not settled after every event" }
-                    .into(),
+                text: if self.settled() {
+                    "Settled after every event"
+                } else {
+                    "Not settled after every event"
+                }
+                .into(),
             }),
             sections,
         })
@@ -204,7 +212,11 @@ fn graphs(resolved: &Resolved) -> Section {
         });
         let pins = topology.graph.pins().iter().enumerate().filter(|(_, w)| **w > 0.0).map(|(i, _)| i);
         items.push(Item::Graph(GraphFigure {
-            title: format!("Topology {}: {}", k + 1, config.communication.topology_name(k).unwrap_or_default()),
+            title: format!(
+                "Topology {}: {}",
+                k + 1,
+                config.communication.topology_name(k).unwrap_or_default()
+            ),
             nodes,
             edges: edges.collect(),
             pins: pins.collect(),

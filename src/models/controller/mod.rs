@@ -29,7 +29,8 @@ impl Controller {
 
     /// The model of this configuration, in its start state.
     pub fn new(resource: Resource<Config>) -> Result<Self, ModelError> {
-        let controller = control::Controller::new(resource.config).map_err(|e| ModelError::new(e.to_string()))?;
+        let controller =
+            control::Controller::new(resource.config).map_err(|e| ModelError::new(e.to_string()))?;
         Ok(Self { experiment: (resource.stop_s, resource.step_s), controller })
     }
 }
@@ -49,8 +50,7 @@ impl DerefMut for Controller {
 
 impl Model for Controller {
     const IDENTIFIER: &'static str = "BessConsensus";
-    const DESCRIPTION: &'static str =
-        "Distributed step-by-step finite-time consensus controller for battery energy storage systems with droop";
+    const DESCRIPTION: &'static str = "Distributed step-by-step finite-time consensus controller for battery energy storage systems with droop";
     type State = control::State;
 
     fn load(resources: &Path) -> Result<Self, ModelError> {

@@ -8,8 +8,20 @@ use crate::models::variables::{GroupExt, group, input, output, parameter, switch
 
 /// What every input u follows at once: the measurements of the agent and of whoever may become its
 /// neighbour, the virtual leader, and the switches.
-const MEASUREMENTS: &[&str] =
-    &["P", "Q", "V", "omega", "E", "omega_ref", "V_ref", "P_ref", "enable", "dispatch", "available", "topology"];
+const MEASUREMENTS: &[&str] = &[
+    "P",
+    "Q",
+    "V",
+    "omega",
+    "E",
+    "omega_ref",
+    "V_ref",
+    "P_ref",
+    "enable",
+    "dispatch",
+    "available",
+    "topology",
+];
 
 /// All variables for `n` agents and `topologies` communication graphs.
 pub fn variables(n: usize, topologies: usize) -> Vec<Group<Controller>> {
@@ -24,41 +36,91 @@ pub fn variables(n: usize, topologies: usize) -> Vec<Group<Controller>> {
 
 fn inputs(n: usize, topologies: usize) -> Vec<Group<Controller>> {
     vec![
-        input("P", "Measured active power", |m: &Controller, i| m.inputs().P[i], |m: &mut Controller, i, v| m.inputs_mut().P[i] = v)
-            .each(n)
-            .unit(Unit::PerUnit),
-        input("Q", "Measured reactive power, inductive positive", |m: &Controller, i| m.inputs().Q[i], |m: &mut Controller, i, v| {
-            m.inputs_mut().Q[i] = v;
-        })
+        input(
+            "P",
+            "Measured active power",
+            |m: &Controller, i| m.inputs().P[i],
+            |m: &mut Controller, i, v| m.inputs_mut().P[i] = v,
+        )
         .each(n)
         .unit(Unit::PerUnit),
-        input("V", "Measured voltage", |m: &Controller, i| m.inputs().V[i], |m: &mut Controller, i, v| m.inputs_mut().V[i] = v)
-            .each(n)
-            .unit(Unit::PerUnit),
-        input("omega", "Measured frequency", |m: &Controller, i| m.inputs().omega[i], |m: &mut Controller, i, v| m.inputs_mut().omega[i] = v)
-            .each(n)
-            .unit(Unit::PerUnit),
-        input("E", "Stored energy", |m: &Controller, i| m.inputs().E[i], |m: &mut Controller, i, v| m.inputs_mut().E[i] = v)
-            .each(n)
-            .unit(Unit::PerUnitHour),
-        input("omega_ref", "Frequency of the virtual leader", |m: &Controller, _| m.inputs().omega_ref, |m: &mut Controller, _, v| {
-            m.inputs_mut().omega_ref = v;
-        })
+        input(
+            "Q",
+            "Measured reactive power, inductive positive",
+            |m: &Controller, i| m.inputs().Q[i],
+            |m: &mut Controller, i, v| {
+                m.inputs_mut().Q[i] = v;
+            },
+        )
+        .each(n)
         .unit(Unit::PerUnit),
-        input("V_ref", "Voltage of the virtual leader", |m: &Controller, _| m.inputs().V_ref, |m: &mut Controller, _, v| {
-            m.inputs_mut().V_ref = v;
-        })
+        input(
+            "V",
+            "Measured voltage",
+            |m: &Controller, i| m.inputs().V[i],
+            |m: &mut Controller, i, v| m.inputs_mut().V[i] = v,
+        )
+        .each(n)
         .unit(Unit::PerUnit),
-        input("P_ref", "Dispatched scaled power K_P P of the virtual leader", |m: &Controller, _| m.inputs().P_ref, |m: &mut Controller, _, v| {
-            m.inputs_mut().P_ref = v;
-        })
+        input(
+            "omega",
+            "Measured frequency",
+            |m: &Controller, i| m.inputs().omega[i],
+            |m: &mut Controller, i, v| m.inputs_mut().omega[i] = v,
+        )
+        .each(n)
         .unit(Unit::PerUnit),
-        switch("enable", "Controller on; off, it holds its setpoints", |m: &Controller, _| m.inputs().enable, |m: &mut Controller, _, v| {
-            m.inputs_mut().enable = v;
-        }),
-        switch("dispatch", "The pinned agents follow P_ref", |m: &Controller, _| m.inputs().dispatch, |m: &mut Controller, _, v| {
-            m.inputs_mut().dispatch = v;
-        }),
+        input(
+            "E",
+            "Stored energy",
+            |m: &Controller, i| m.inputs().E[i],
+            |m: &mut Controller, i, v| m.inputs_mut().E[i] = v,
+        )
+        .each(n)
+        .unit(Unit::PerUnitHour),
+        input(
+            "omega_ref",
+            "Frequency of the virtual leader",
+            |m: &Controller, _| m.inputs().omega_ref,
+            |m: &mut Controller, _, v| {
+                m.inputs_mut().omega_ref = v;
+            },
+        )
+        .unit(Unit::PerUnit),
+        input(
+            "V_ref",
+            "Voltage of the virtual leader",
+            |m: &Controller, _| m.inputs().V_ref,
+            |m: &mut Controller, _, v| {
+                m.inputs_mut().V_ref = v;
+            },
+        )
+        .unit(Unit::PerUnit),
+        input(
+            "P_ref",
+            "Dispatched scaled power K_P P of the virtual leader",
+            |m: &Controller, _| m.inputs().P_ref,
+            |m: &mut Controller, _, v| {
+                m.inputs_mut().P_ref = v;
+            },
+        )
+        .unit(Unit::PerUnit),
+        switch(
+            "enable",
+            "Controller on; off, it holds its setpoints",
+            |m: &Controller, _| m.inputs().enable,
+            |m: &mut Controller, _, v| {
+                m.inputs_mut().enable = v;
+            },
+        ),
+        switch(
+            "dispatch",
+            "The pinned agents follow P_ref",
+            |m: &Controller, _| m.inputs().dispatch,
+            |m: &mut Controller, _, v| {
+                m.inputs_mut().dispatch = v;
+            },
+        ),
         switch(
             "available",
             "The agent takes part; if not, it is cut from the graph",
@@ -70,7 +132,10 @@ fn inputs(n: usize, topologies: usize) -> Vec<Group<Controller>> {
             "topology",
             "Number of the communication graph, from 1",
             Causality::Input,
-            Access::Integer(|m: &Controller, _| m.inputs().topology, Some(|m: &mut Controller, _, v| m.inputs_mut().topology = v)),
+            Access::Integer(
+                |m: &Controller, _| m.inputs().topology,
+                Some(|m: &mut Controller, _, v| m.inputs_mut().topology = v),
+            ),
         )
         .range(Range { min: 1.0, min_excluded: false, max: topologies as f64 }),
     ]
@@ -81,7 +146,9 @@ fn setpoints(n: usize) -> Vec<Group<Controller>> {
     vec![
         output("omega_set", "Frequency setpoint of the droop", |m: &Controller, i| m.outputs().omega_set[i]),
         output("V_set", "Voltage setpoint of the droop", |m: &Controller, i| m.outputs().V_set[i]),
-        output("P_set", "Active power reference: the energy exchange", |m: &Controller, i| m.outputs().P_set[i]),
+        output("P_set", "Active power reference: the energy exchange", |m: &Controller, i| {
+            m.outputs().P_set[i]
+        }),
         output("Q_set", "Reactive power reference", |m: &Controller, i| m.outputs().Q_set[i]),
     ]
     .into_iter()
@@ -91,11 +158,21 @@ fn setpoints(n: usize) -> Vec<Group<Controller>> {
 
 fn consensus_inputs(n: usize) -> Vec<Group<Controller>> {
     vec![
-        output("u_omega", "Consensus input of the frequency, equation (12)", |m: &Controller, i| m.outputs().u_omega[i]),
-        output("u_P", "Consensus input of the active power, equation (9)", |m: &Controller, i| m.outputs().u_P[i]),
-        output("u_E", "Consensus input of the state of charge, equation (11), per s", |m: &Controller, i| m.outputs().u_E[i]),
-        output("u_V", "Consensus input of the voltage, equation (13)", |m: &Controller, i| m.outputs().u_V[i]),
-        output("u_Q", "Consensus input of the reactive power, equation (10)", |m: &Controller, i| m.outputs().u_Q[i]),
+        output("u_omega", "Consensus input of the frequency, equation (12)", |m: &Controller, i| {
+            m.outputs().u_omega[i]
+        }),
+        output("u_P", "Consensus input of the active power, equation (9)", |m: &Controller, i| {
+            m.outputs().u_P[i]
+        }),
+        output("u_E", "Consensus input of the state of charge, equation (11), per s", |m: &Controller, i| {
+            m.outputs().u_E[i]
+        }),
+        output("u_V", "Consensus input of the voltage, equation (13)", |m: &Controller, i| {
+            m.outputs().u_V[i]
+        }),
+        output("u_Q", "Consensus input of the reactive power, equation (10)", |m: &Controller, i| {
+            m.outputs().u_Q[i]
+        }),
     ]
     .into_iter()
     .map(|g| g.each(n).unit(Unit::PerUnitPerSecond).follows(Dependencies::All(MEASUREMENTS)))
@@ -108,31 +185,43 @@ fn diagnostics(n: usize) -> Vec<Group<Controller>> {
             .follows(Dependencies::All(&["P", "available"])),
         output("spread_Q", "Largest difference of K_Q (Q - Q_set)", |m: &Controller, _| m.outputs().spread_Q)
             .follows(Dependencies::All(&["Q", "available"])),
-        output("spread_E", "Largest difference of the state of charge E / C", |m: &Controller, _| m.outputs().spread_E)
-            .follows(Dependencies::All(&["E", "available"])),
-        output("error_omega", "Largest distance of a frequency from omega_ref", |m: &Controller, _| m.outputs().error_omega)
-            .follows(Dependencies::All(&["omega", "omega_ref", "available"])),
-        output("error_V", "Largest distance of a voltage from V_ref", |m: &Controller, _| m.outputs().error_V)
-            .follows(Dependencies::All(&["V", "V_ref", "available"])),
+        output("spread_E", "Largest difference of the state of charge E / C", |m: &Controller, _| {
+            m.outputs().spread_E
+        })
+        .follows(Dependencies::All(&["E", "available"])),
+        output("error_omega", "Largest distance of a frequency from omega_ref", |m: &Controller, _| {
+            m.outputs().error_omega
+        })
+        .follows(Dependencies::All(&["omega", "omega_ref", "available"])),
+        output("error_V", "Largest distance of a voltage from V_ref", |m: &Controller, _| {
+            m.outputs().error_V
+        })
+        .follows(Dependencies::All(&["V", "V_ref", "available"])),
     ];
     let mut all: Vec<_> = errors.into_iter().map(|g| g.unit(Unit::PerUnit)).collect();
     all.push(
-        output("lambda_2", "Second smallest eigenvalue of the certificate's Laplacian", |m: &Controller, _| {
-            m.outputs().lambda_2
-        })
+        output(
+            "lambda_2",
+            "Second smallest eigenvalue of the certificate's Laplacian",
+            |m: &Controller, _| m.outputs().lambda_2,
+        )
         .follows(Dependencies::All(&["available", "topology"])),
     );
     all.push(
-        output("T_P", "Certified time until power sharing from the present errors, equation (27)", |m: &Controller, _| {
-            m.outputs().T_P
-        })
+        output(
+            "T_P",
+            "Certified time until power sharing from the present errors, equation (27)",
+            |m: &Controller, _| m.outputs().T_P,
+        )
         .unit(Unit::Second)
         .follows(Dependencies::All(&["P", "available", "topology"])),
     );
     all.push(
-        output("T_omega", "Certified time until frequency restoration from the present errors, equation (33)", |m: &Controller, _| {
-            m.outputs().T_omega
-        })
+        output(
+            "T_omega",
+            "Certified time until frequency restoration from the present errors, equation (33)",
+            |m: &Controller, _| m.outputs().T_omega,
+        )
         .unit(Unit::Second)
         .follows(Dependencies::All(&["omega", "omega_ref", "available", "topology"])),
     );
@@ -161,43 +250,84 @@ fn diagnostics(n: usize) -> Vec<Group<Controller>> {
 fn tunable_parameters() -> Vec<Group<Controller>> {
     let gain = Range::NOT_NEGATIVE;
     vec![
-        parameter("eta", "Exponent of the sign power; 1 is the asymptotic law", |m: &Controller, _| {
-            m.parameters().eta
-        }, |m: &mut Controller, _, v| m.parameters_mut().eta = v)
+        parameter(
+            "eta",
+            "Exponent of the sign power; 1 is the asymptotic law",
+            |m: &Controller, _| m.parameters().eta,
+            |m: &mut Controller, _, v| m.parameters_mut().eta = v,
+        )
         .range(Range { min: 0.0, min_excluded: true, max: 1.0 }),
-        parameter("gain_omega", "Gain of u_omega", |m: &Controller, _| m.parameters().gain_omega, |m: &mut Controller, _, v| {
-            m.parameters_mut().gain_omega = v;
-        })
+        parameter(
+            "gain_omega",
+            "Gain of u_omega",
+            |m: &Controller, _| m.parameters().gain_omega,
+            |m: &mut Controller, _, v| {
+                m.parameters_mut().gain_omega = v;
+            },
+        )
         .range(gain),
-        parameter("gain_P", "Gain of u_P", |m: &Controller, _| m.parameters().gain_P, |m: &mut Controller, _, v| {
-            m.parameters_mut().gain_P = v;
-        })
+        parameter(
+            "gain_P",
+            "Gain of u_P",
+            |m: &Controller, _| m.parameters().gain_P,
+            |m: &mut Controller, _, v| {
+                m.parameters_mut().gain_P = v;
+            },
+        )
         .range(gain),
-        parameter("gain_E", "Gain of the energy exchange", |m: &Controller, _| m.parameters().gain_E, |m: &mut Controller, _, v| {
-            m.parameters_mut().gain_E = v;
-        })
+        parameter(
+            "gain_E",
+            "Gain of the energy exchange",
+            |m: &Controller, _| m.parameters().gain_E,
+            |m: &mut Controller, _, v| {
+                m.parameters_mut().gain_E = v;
+            },
+        )
         .range(gain),
-        parameter("gain_V", "Gain of u_V", |m: &Controller, _| m.parameters().gain_V, |m: &mut Controller, _, v| {
-            m.parameters_mut().gain_V = v;
-        })
+        parameter(
+            "gain_V",
+            "Gain of u_V",
+            |m: &Controller, _| m.parameters().gain_V,
+            |m: &mut Controller, _, v| {
+                m.parameters_mut().gain_V = v;
+            },
+        )
         .range(gain),
-        parameter("gain_Q", "Gain of u_Q", |m: &Controller, _| m.parameters().gain_Q, |m: &mut Controller, _, v| {
-            m.parameters_mut().gain_Q = v;
-        })
+        parameter(
+            "gain_Q",
+            "Gain of u_Q",
+            |m: &Controller, _| m.parameters().gain_Q,
+            |m: &mut Controller, _, v| {
+                m.parameters_mut().gain_Q = v;
+            },
+        )
         .range(gain),
-        parameter("delay", "Communication delay of every edge without one of its own", |m: &Controller, _| {
-            m.parameters().delay
-        }, |m: &mut Controller, _, v| m.parameters_mut().delay = v)
+        parameter(
+            "delay",
+            "Communication delay of every edge without one of its own",
+            |m: &Controller, _| m.parameters().delay,
+            |m: &mut Controller, _, v| m.parameters_mut().delay = v,
+        )
         .unit(Unit::Second)
         .range(gain),
-        parameter("theta_min", "Least width of the boundary layer", |m: &Controller, _| m.parameters().theta_min, |m: &mut Controller, _, v| {
-            m.parameters_mut().theta_min = v;
-        })
+        parameter(
+            "theta_min",
+            "Least width of the boundary layer",
+            |m: &Controller, _| m.parameters().theta_min,
+            |m: &mut Controller, _, v| {
+                m.parameters_mut().theta_min = v;
+            },
+        )
         .unit(Unit::Second)
         .range(gain),
-        parameter("theta_E", "Boundary layer of the energy exchange", |m: &Controller, _| m.parameters().theta_E, |m: &mut Controller, _, v| {
-            m.parameters_mut().theta_E = v;
-        })
+        parameter(
+            "theta_E",
+            "Boundary layer of the energy exchange",
+            |m: &Controller, _| m.parameters().theta_E,
+            |m: &mut Controller, _, v| {
+                m.parameters_mut().theta_E = v;
+            },
+        )
         .unit(Unit::Second)
         .range(gain),
     ]
@@ -233,21 +363,36 @@ fn fixed_parameters(n: usize) -> Vec<Group<Controller>> {
             ),
         )
         .range(choice),
-        parameter("K_P", "Active power droop", |m: &Controller, i| m.parameters().K_P[i], |m: &mut Controller, i, v| {
-            m.parameters_mut().K_P[i] = v;
-        })
+        parameter(
+            "K_P",
+            "Active power droop",
+            |m: &Controller, i| m.parameters().K_P[i],
+            |m: &mut Controller, i, v| {
+                m.parameters_mut().K_P[i] = v;
+            },
+        )
         .each(n)
         .unit(Unit::PerUnit)
         .range(Range::POSITIVE),
-        parameter("K_Q", "Reactive power droop", |m: &Controller, i| m.parameters().K_Q[i], |m: &mut Controller, i, v| {
-            m.parameters_mut().K_Q[i] = v;
-        })
+        parameter(
+            "K_Q",
+            "Reactive power droop",
+            |m: &Controller, i| m.parameters().K_Q[i],
+            |m: &mut Controller, i, v| {
+                m.parameters_mut().K_Q[i] = v;
+            },
+        )
         .each(n)
         .unit(Unit::PerUnit)
         .range(Range::POSITIVE),
-        parameter("capacity", "Energy capacity C", |m: &Controller, i| m.parameters().capacity[i], |m: &mut Controller, i, v| {
-            m.parameters_mut().capacity[i] = v;
-        })
+        parameter(
+            "capacity",
+            "Energy capacity C",
+            |m: &Controller, i| m.parameters().capacity[i],
+            |m: &mut Controller, i, v| {
+                m.parameters_mut().capacity[i] = v;
+            },
+        )
         .each(n)
         .unit(Unit::PerUnitHour)
         .range(Range::POSITIVE),

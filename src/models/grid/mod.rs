@@ -48,8 +48,7 @@ impl DerefMut for Grid {
 
 impl Model for Grid {
     const IDENTIFIER: &'static str = "BessGrid";
-    const DESCRIPTION: &'static str =
-        "Power network with droop-controlled battery inverters, constant-admittance loads and a breaker to the main grid";
+    const DESCRIPTION: &'static str = "Power network with droop-controlled battery inverters, constant-admittance loads and a breaker to the main grid";
     const INITIAL_STATE_FOLLOWS_INPUTS: bool = true;
 
     type State = State;

@@ -15,24 +15,44 @@ pub fn variables(n: usize, buses: usize) -> Vec<Group<Grid>> {
 
 fn inputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
     vec![
-        input("omega_set", "Frequency setpoint of the droop", |m: &Grid, i| m.inputs().omega_set[i], |m: &mut Grid, i, v| {
-            m.inputs_mut().omega_set[i] = v;
-        })
+        input(
+            "omega_set",
+            "Frequency setpoint of the droop",
+            |m: &Grid, i| m.inputs().omega_set[i],
+            |m: &mut Grid, i, v| {
+                m.inputs_mut().omega_set[i] = v;
+            },
+        )
         .each(n)
         .unit(Unit::PerUnit),
-        input("V_set", "Voltage setpoint of the droop", |m: &Grid, i| m.inputs().V_set[i], |m: &mut Grid, i, v| {
-            m.inputs_mut().V_set[i] = v;
-        })
+        input(
+            "V_set",
+            "Voltage setpoint of the droop",
+            |m: &Grid, i| m.inputs().V_set[i],
+            |m: &mut Grid, i, v| {
+                m.inputs_mut().V_set[i] = v;
+            },
+        )
         .each(n)
         .unit(Unit::PerUnit),
-        input("P_set", "Active power reference of the droop", |m: &Grid, i| m.inputs().P_set[i], |m: &mut Grid, i, v| {
-            m.inputs_mut().P_set[i] = v;
-        })
+        input(
+            "P_set",
+            "Active power reference of the droop",
+            |m: &Grid, i| m.inputs().P_set[i],
+            |m: &mut Grid, i, v| {
+                m.inputs_mut().P_set[i] = v;
+            },
+        )
         .each(n)
         .unit(Unit::PerUnit),
-        input("Q_set", "Reactive power reference of the droop", |m: &Grid, i| m.inputs().Q_set[i], |m: &mut Grid, i, v| {
-            m.inputs_mut().Q_set[i] = v;
-        })
+        input(
+            "Q_set",
+            "Reactive power reference of the droop",
+            |m: &Grid, i| m.inputs().Q_set[i],
+            |m: &mut Grid, i, v| {
+                m.inputs_mut().Q_set[i] = v;
+            },
+        )
         .each(n)
         .unit(Unit::PerUnit),
         input(
@@ -51,9 +71,14 @@ fn inputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
         )
         .each(buses)
         .unit(Unit::PerUnit),
-        switch("tie_closed", "Breaker to the main grid", |m: &Grid, _| m.inputs().tie_closed, |m: &mut Grid, _, v| {
-            m.inputs_mut().tie_closed = v;
-        }),
+        switch(
+            "tie_closed",
+            "Breaker to the main grid",
+            |m: &Grid, _| m.inputs().tie_closed,
+            |m: &mut Grid, _, v| {
+                m.inputs_mut().tie_closed = v;
+            },
+        ),
     ]
 }
 
@@ -92,32 +117,57 @@ fn outputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
 
 fn parameters(n: usize) -> Vec<Group<Grid>> {
     vec![
-        parameter("E_start", "Stored energy at the start", |m: &Grid, i| m.parameters().E_start[i], |m: &mut Grid, i, v| {
-            m.parameters_mut().E_start[i] = v;
-        })
+        parameter(
+            "E_start",
+            "Stored energy at the start",
+            |m: &Grid, i| m.parameters().E_start[i],
+            |m: &mut Grid, i, v| {
+                m.parameters_mut().E_start[i] = v;
+            },
+        )
         .each(n)
         .unit(Unit::PerUnitHour),
-        parameter("K_P", "Active power droop", |m: &Grid, i| m.parameters().K_P[i], |m: &mut Grid, i, v| {
-            m.parameters_mut().K_P[i] = v;
-        })
+        parameter(
+            "K_P",
+            "Active power droop",
+            |m: &Grid, i| m.parameters().K_P[i],
+            |m: &mut Grid, i, v| {
+                m.parameters_mut().K_P[i] = v;
+            },
+        )
         .each(n)
         .unit(Unit::PerUnit)
         .range(Range::POSITIVE),
-        parameter("K_Q", "Reactive power droop", |m: &Grid, i| m.parameters().K_Q[i], |m: &mut Grid, i, v| {
-            m.parameters_mut().K_Q[i] = v;
-        })
+        parameter(
+            "K_Q",
+            "Reactive power droop",
+            |m: &Grid, i| m.parameters().K_Q[i],
+            |m: &mut Grid, i, v| {
+                m.parameters_mut().K_Q[i] = v;
+            },
+        )
         .each(n)
         .unit(Unit::PerUnit)
         .range(Range::POSITIVE),
-        parameter("X_c", "Coupling reactance", |m: &Grid, i| m.parameters().X_c[i], |m: &mut Grid, i, v| {
-            m.parameters_mut().X_c[i] = v;
-        })
+        parameter(
+            "X_c",
+            "Coupling reactance",
+            |m: &Grid, i| m.parameters().X_c[i],
+            |m: &mut Grid, i, v| {
+                m.parameters_mut().X_c[i] = v;
+            },
+        )
         .each(n)
         .unit(Unit::PerUnit)
         .range(Range::POSITIVE),
-        parameter("omega_c", "Cutoff frequency of the power measurement", |m: &Grid, _| m.parameters().omega_c, |m: &mut Grid, _, v| {
-            m.parameters_mut().omega_c = v;
-        })
+        parameter(
+            "omega_c",
+            "Cutoff frequency of the power measurement",
+            |m: &Grid, _| m.parameters().omega_c,
+            |m: &mut Grid, _, v| {
+                m.parameters_mut().omega_c = v;
+            },
+        )
         .unit(Unit::RadianPerSecond)
         .range(Range::POSITIVE),
     ]
