@@ -1,6 +1,8 @@
 //! The shape of the house, read from the sources: rooms import only downwards, `unsafe` stands only where C
 //! enters, and no file outgrows one idea.
 
+#![allow(clippy::unwrap_used)]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 

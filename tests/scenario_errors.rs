@@ -1,6 +1,7 @@
 //! Every mistake in a scenario is one error with its path, what was found and what was expected, and nothing is
 //! written.
 #![cfg(feature = "host")]
+#![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use bess_consensus::scenario::{self, Resolved, Source};
 use serde_json::{Map, Value, json};

@@ -74,6 +74,7 @@ pub trait GroupExt<M> {
     /// Only these values.
     fn range(self, range: Range) -> Self;
     /// May be set between steps.
+    #[cfg(feature = "controller")]
     fn tunable(self) -> Self;
     /// Follows these within a step.
     fn follows(self, dependencies: Dependencies<M>) -> Self;
@@ -89,6 +90,7 @@ impl<M> GroupExt<M> for Group<M> {
     fn range(self, range: Range) -> Self {
         Self { range, ..self }
     }
+    #[cfg(feature = "controller")]
     fn tunable(self) -> Self {
         Self { variability: Variability::Tunable, ..self }
     }

@@ -26,7 +26,7 @@ pub fn grid(scenario: &Scenario, source: &Source) -> Result<Config, ScenarioErro
         f_nominal_hz: scenario.grid.f_nominal_hz,
         tie: scenario.grid.tie.as_ref().map(|t| Tie { bus: t.bus, X: t.x }),
         tie_closed_start: false,
-        load_model: scenario.grid.load_model.clone(),
+        load_model: scenario.grid.load_model,
         network: scenario.grid.network,
         tolerances: scenario.grid.tolerances,
     };
