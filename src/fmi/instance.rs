@@ -190,7 +190,8 @@ impl<M: Model> Instance<M> {
         if step_s > 0.0 && step.duration_ns > 0 {
             self.model.step(step, &mut self.logger).map_err(Error::model(function))?;
             self.life.time_ns = step.start_ns.saturating_add(step.duration_ns);
-            self.life.stale = false;
+            // What follows inputs and states at once is brought in line when somebody reads it.
+            self.life.stale = true;
         }
         Ok(())
     }

@@ -36,7 +36,7 @@ pub trait Model: Clone + Send + 'static {
     fn set_state(&mut self, state: &Self::State) -> Result<(), ModelError>;
 
     /// Brings everything that can be read in line with the inputs and parameters set so far.
-    /// Called before reads after a set, and when initialisation ends ([`Phase::Initialization`]: find
+    /// Called before reads after a set or a step, and when initialisation ends ([`Phase::Initialization`]: find
     /// the initial state; [`Phase::Step`]: only what follows inputs at once).
     fn refresh(&mut self, phase: Phase, log: &mut dyn Log) -> Result<(), ModelError>;
 

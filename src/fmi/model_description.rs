@@ -178,6 +178,16 @@ fn write_variable<M: Model>(
     Ok(())
 }
 
+/// References in all dependency lists of a solved start together, at most.
+const LONGEST_LISTS: usize = 200_000;
+
+/// Positions of all inputs and parameters.
+fn knowns<M: Model>(registry: &Registry<M>) -> Vec<u32> {
+    let known = |group: &Group<M>| matches!(group.causality, Causality::Input | Causality::Parameter);
+    let of = |(first, group): (u32, &Group<M>)| first..first + group.len() as u32;
+    registry.groups().filter(|(_, group)| known(group)).flat_map(of).collect()
+}
+
 fn write_structure<M: Model>(
     xml: &mut String,
     registry: &Registry<M>,
@@ -187,15 +197,17 @@ fn write_structure<M: Model>(
     xml.push_str("  <ModelStructure>\n");
     if outputs.iter().any(|(_, group)| !group.is_empty()) {
         for element in ["Outputs", "InitialUnknowns"] {
-            // A list of what an output follows at the end of initialisation would have to name every
-            // input and parameter; left out, it means just that.
-            let left_out = element == "InitialUnknowns" && M::INITIAL_STATE_FOLLOWS_INPUTS;
+            // A solved start follows every input and parameter. The list says so while it is short; left
+            // out, it means just that, and does not grow with the square of the model.
+            let follows_all = element == "InitialUnknowns" && M::INITIAL_STATE_FOLLOWS_INPUTS;
+            let knowns = if follows_all { knowns(registry) } else { Vec::new() };
+            let left_out = knowns.len() * outputs.iter().map(|(_, g)| g.len()).sum::<usize>() > LONGEST_LISTS;
+            let knowns = reference_list(knowns);
             let _ = writeln!(xml, "    <{element}>");
             for (first, group) in &outputs {
                 let common = match &group.dependencies {
-                    Dependencies::All(names) if !left_out => {
-                        Some(reference_list(all_of(registry, group, names)?))
-                    }
+                    _ if follows_all => Some(knowns.clone()),
+                    Dependencies::All(names) => Some(reference_list(all_of(registry, group, names)?)),
                     _ => None,
                 };
                 for index in 0..group.len() {

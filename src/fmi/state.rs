@@ -89,7 +89,7 @@ impl<M: Model> Snapshot<M> {
         Ok(bytes)
     }
 
-    /// Reads bytes of the FMU with this GUID; bytes behind the state are ignored.
+    /// Reads bytes of the FMU with this GUID, neither fewer nor more than were written.
     pub(super) fn deserialize(bytes: &[u8], guid: Guid) -> Result<Self, FormatError> {
         let truncated = |expected| FormatError::Truncated { found: bytes.len(), expected };
         let (magic, rest) = bytes.split_first_chunk::<8>().ok_or(truncated(HEADER))?;
@@ -109,7 +109,8 @@ impl<M: Model> Snapshot<M> {
         let (length, rest) = rest.split_first_chunk::<8>().ok_or(truncated(HEADER))?;
         let (sum, rest) = rest.split_first_chunk::<8>().ok_or(truncated(HEADER))?;
         let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
-        let body = rest.get(..length).ok_or(truncated(HEADER.saturating_add(length)))?;
+        let body =
+            Some(rest).filter(|r| r.len() == length).ok_or(truncated(HEADER.saturating_add(length)))?;
         let front = bytes.get(..HEADER - 8).ok_or(truncated(HEADER))?;
         if checksum(front, body) != u64::from_le_bytes(*sum) {
             return Err(FormatError::Checksum);
