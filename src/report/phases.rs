@@ -303,7 +303,7 @@ mod tests {
 
     #[test]
     fn each_phase_has_the_figures_of_the_closed_form() {
-        let options = PhaseOptions { active_from_s: 4.0, ..PhaseOptions::default() };
+        let options = PhaseOptions { active_from_s: 4.0, window_s: 0.0, ..PhaseOptions::default() };
         let all = run(&[(4.0, "on".to_owned())], &options, &[1.0, 2.0]);
         assert_eq!(all.len(), 2);
         let (before, after) = (&all[0], &all[1]);
@@ -318,6 +318,9 @@ mod tests {
         assert!((after.V_error - 0.004).abs() < 1e-15 && after.e_spread.abs() < 1e-15);
         assert_eq!(after.T_omega, Some(5.0));
         assert!(after.settled() && !before.settled());
+        // The last 5 s begin at 5 s, where two thirds of the error are left.
+        let last_seconds = run(&[(4.0, "on".to_owned())], &PhaseOptions::default(), &[1.0, 2.0]);
+        assert!((last_seconds[1].omega_error - 0.02 / 3.0).abs() < 1e-15);
         let energies = run(&[], &options, &[]);
         assert!((energies[0].e_spread - 0.9).abs() < 1e-15);
     }

@@ -127,3 +127,15 @@ def test_the_example_runs_as_printed(root):
     last = rows[-1]
     assert abs(float(last[0]) - 14.0) < 1e-9
     assert abs(float(last[1])) < 1e-5, "frequency is restored (droop alone: 7e-3)"
+
+
+def test_the_harness_gives_equal_columns_with_and_without_fmus(bess, root, tmp_path):
+    """The same loop over the C interface and in process, to the last bit of every column."""
+    archives = ["--controller", "fmu/BessConsensus.fmu", "--grid", "fmu/BessGrid.fmu"]
+    tables = []
+    for folder, options in [("fmus", archives), ("in_process", [])]:
+        command = [bess, "run", "case1", "--no-report", "--quiet", "-o", tmp_path / folder, *options]
+        subprocess.run(command, cwd=root, check=True)
+        tables.append((tmp_path / folder / "trajectory.csv").read_bytes())
+    assert tables[0].count(b"\n") == 12002
+    assert tables[0] == tables[1]

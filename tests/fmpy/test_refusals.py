@@ -59,7 +59,7 @@ def test_one_bad_value_keeps_out_its_whole_call(controller):
 
 @pytest.mark.parametrize(
     "name,value",
-    [("eta", 0.0), ("eta", -0.5), ("gain_P", -1.0), ("delay", -0.1), ("theta_E", 0.0), ("topology", 0), ("topology", 99)],
+    [("eta", 0.0), ("eta", -0.5), ("gain_P", -1.0), ("delay", -0.1), ("theta_E", -1.0), ("topology", 0), ("topology", 99)],
 )
 def test_values_outside_their_range(controller, name, value, moving):
     begin(controller, moving)

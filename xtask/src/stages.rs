@@ -83,7 +83,9 @@ impl Stage {
         match self {
             Stage::Fmt => start(&mut cargo("fmt --all --check")),
             Stage::Clippy => start(&mut cargo("clippy --workspace --all-targets -- -D warnings")),
-            Stage::Rust => start(&mut cargo("test --workspace")),
+            // In release, so that the dependencies are built once for tests and FMUs, and the tests see the
+            // numbers that users get.
+            Stage::Rust => start(&mut cargo("test --release --workspace")),
             Stage::Doc => start(cargo("doc --workspace --no-deps").env("RUSTDOCFLAGS", "-D warnings")),
             Stage::Bindings => bindings::check(workspace),
             Stage::Fmu => fmu::build_and_pack(workspace),

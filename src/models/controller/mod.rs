@@ -1,5 +1,6 @@
 //! The consensus controller behind the FMI trait.
 
+mod parameters;
 mod variables;
 
 use super::resource::Resource;
