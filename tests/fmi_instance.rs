@@ -363,9 +363,8 @@ fn bytes_of_another_fmu_or_damaged_ones_are_refused() {
             assert!(instance.deserialize(&bad).is_err(), "byte {position} with {flip:#x}");
         }
     }
-    // A buffer that is longer than the state is what a master that pads its buffers hands back.
     let padded: Vec<u8> = good.iter().copied().chain([0; 9]).collect();
-    assert_eq!(instance.serialize(&instance.deserialize(&padded).unwrap()).unwrap(), good);
+    assert!(instance.deserialize(&padded).is_err(), "bytes left over");
     let snapshot = instance.snapshot().unwrap();
     let mut short = vec![0; good.len() - 1];
     assert!(snapshot.serialize_into(&mut short).is_err());

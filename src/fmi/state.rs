@@ -41,8 +41,8 @@ impl<M: Model> Clone for Snapshot<M> {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum FormatError {
-    #[error("serialized state of {found} bytes is truncated; expected {expected} bytes")]
-    Truncated { found: usize, expected: usize },
+    #[error("serialized state has {found} bytes; expected {expected} bytes")]
+    Length { found: usize, expected: usize },
     #[error("these bytes are no FMU state: they do not begin with \"FMI2STAT\"")]
     Magic,
     #[error("serialized state has format version {found}; expected {FORMAT_VERSION}")]
@@ -91,7 +91,7 @@ impl<M: Model> Snapshot<M> {
 
     /// Reads bytes of the FMU with this GUID, neither fewer nor more than were written.
     pub(super) fn deserialize(bytes: &[u8], guid: Guid) -> Result<Self, FormatError> {
-        let truncated = |expected| FormatError::Truncated { found: bytes.len(), expected };
+        let truncated = |expected| FormatError::Length { found: bytes.len(), expected };
         let (magic, rest) = bytes.split_first_chunk::<8>().ok_or(truncated(HEADER))?;
         if magic != MAGIC {
             return Err(FormatError::Magic);

@@ -89,6 +89,12 @@ fn check_frame(scenario: &Scenario, origin: &str) -> Result<(), ScenarioError> {
         return wrong("bess".into(), "no battery".into(), "at least one");
     }
     for (i, bess) in scenario.bess.iter().enumerate() {
+        // The default capacity divides by K_P.
+        for (key, gain) in [("K_P", bess.k_p), ("K_Q", bess.k_q)] {
+            if !(gain > 0.0 && gain.is_finite()) {
+                return wrong(format!("bess[{i}].{key}"), gain.to_string(), "a number greater than 0");
+            }
+        }
         if !(0.0..=1.0).contains(&bess.soc_start) {
             return wrong(format!("bess[{i}].soc_start"), bess.soc_start.to_string(), "a number from 0 to 1");
         }
