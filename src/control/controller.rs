@@ -7,9 +7,10 @@ use super::error::ConfigError;
 use super::event::Event;
 use super::exchange::Exchange;
 use super::io::{Inputs, Outputs, Parameters};
+use super::lag::Lag;
 use super::limits::LimitTable;
 use super::network::Network;
-use super::state::{Adopted, Clock, State};
+use super::state::{Adopted, Clock, Lags, State};
 use super::topology::{Topologies, Topology};
 use super::{adopt::Spectrum, config::Channel, discretisation::SignPower};
 
@@ -77,6 +78,7 @@ impl Controller {
             transfers: Vec::new(),
             received_ns: Vec::new(),
             held: Vec::new(),
+            lags: Lags { frequency: Lag::new(&[]), voltage: Lag::new(&[]) },
             inputs,
         };
         let topology = topologies.build(0, &state.adopted.available);
@@ -163,6 +165,11 @@ impl Controller {
         &self.spectrum
     }
 
+    /// How many steps late the frequencies, and the voltages, are measured, as far as found; see [`super::lag`].
+    pub fn lags(&self) -> [usize; 2] {
+        [self.state.lags.frequency.steps(), self.state.lags.voltage.steps()]
+    }
+
     /// Takes over parameters and discrete inputs as they are and sets the setpoints to their starts; the
     /// past is forgotten. Called when initialisation ends, followed by a [`Self::refresh`].
     pub fn initialise(&mut self) {
@@ -181,6 +188,7 @@ impl Controller {
         self.state.filtered.clone_from(&self.scratch.filtered);
         self.state.held.clear();
         self.state.history = History::new(n, 0);
+        self.state.lags = Lags::start(&self.state.outputs);
         self.rebuild();
         self.state.flows = vec![0.0; self.network.graph.edges().len()];
         self.state.transfers = self.state.flows.clone();

@@ -45,7 +45,8 @@ impl SignPower {
     }
 }
 
-/// theta = max(h, theta_min), s: the boundary layer of DESIGN 1.1; 0 where nothing is capped.
+/// theta = max(h, theta_min), s: the boundary layer of DESIGN 1.1; 0 where nothing is capped. `h_s` is the time
+/// until an action shows: a step, or with late measurements several (see `lag`).
 pub fn boundary_layer(discretisation: Discretisation, h_s: f64, theta_min_s: f64) -> f64 {
     match discretisation {
         Discretisation::Capped => h_s.max(theta_min_s),

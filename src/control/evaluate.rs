@@ -7,6 +7,7 @@ use super::delay::Quantity;
 use super::discretisation::{Flow, SignPower, boundary_layer};
 use super::estimator::estimates;
 use super::exchange::setpoints;
+use super::lag::{Lag, no_load};
 use super::limits::{hold_back, restrict, room};
 use super::network::Room;
 use super::protocol::{View, active_power, average_voltage, energy, frequency, reactive_power, voltage};
@@ -52,7 +53,15 @@ impl Controller {
         let signals = &mut scratch.signals;
         signals.of_mut(Quantity::Omega).copy_from_slice(&inputs.omega);
         signals.of_mut(Quantity::V).copy_from_slice(&inputs.V);
+        // The bare law is there to compare with.
+        let up_to_date = parameters.discretisation == Discretisation::Capped;
         for i in 0..n {
+            if up_to_date {
+                let sigma = no_load(outputs.omega_set[i], parameters.K_P[i], outputs.P_set[i]);
+                signals.of_mut(Quantity::Omega)[i] += state.lags.frequency.unseen(i, sigma);
+                let sigma = no_load(outputs.V_set[i], parameters.K_Q[i], outputs.Q_set[i]);
+                signals.of_mut(Quantity::V)[i] += state.lags.voltage.unseen(i, sigma);
+            }
             signals.of_mut(Quantity::P)[i] = parameters.K_P[i] * (inputs.P[i] - outputs.P_set[i]);
             signals.of_mut(Quantity::Q)[i] = parameters.K_Q[i] * (inputs.Q[i] - outputs.Q_set[i]);
             signals.of_mut(Quantity::Soc)[i] = inputs.E[i] / parameters.capacity[i];
@@ -89,10 +98,10 @@ impl Controller {
         }
     }
 
-    /// A flow law of one quantity for a step of `h_s`.
-    pub(super) fn flow(&self, gain: f64, h_s: f64) -> Flow {
+    /// A flow law of one quantity for a step of `h_s`, its measurements late by `lag`.
+    pub(super) fn flow(&self, gain: f64, lag: &Lag, h_s: f64) -> Flow {
         let parameters = &self.state.parameters;
-        let theta_s = boundary_layer(parameters.discretisation, h_s, parameters.theta_min);
+        let theta_s = boundary_layer(parameters.discretisation, lag.widening() * h_s, parameters.theta_min);
         Flow::new(self.power(), gain, theta_s)
     }
 
@@ -104,9 +113,11 @@ impl Controller {
     fn laws(&mut self, h_s: f64) {
         self.find_room();
         let parameters = &self.state.parameters;
-        let [flow_omega, flow_P, flow_V, flow_Q] =
-            [parameters.gain_omega, parameters.gain_P, parameters.gain_V, parameters.gain_Q]
-                .map(|gain| self.flow(gain, h_s));
+        let lags = &self.state.lags;
+        let [flow_omega, flow_P] =
+            [parameters.gain_omega, parameters.gain_P].map(|gain| self.flow(gain, &lags.frequency, h_s));
+        let [flow_V, flow_Q] =
+            [parameters.gain_V, parameters.gain_Q].map(|gain| self.flow(gain, &lags.voltage, h_s));
         let (inputs, outputs) = (&self.state.inputs, &mut self.state.outputs);
         let view =
             View { network: &self.network, history: &self.state.history, signals: &self.scratch.signals };
@@ -179,7 +190,7 @@ impl Controller {
         let parameters = &self.state.parameters;
         // theta_E is part of the exchange, not of its sampling: the bare law keeps it.
         let theta_s = match parameters.discretisation {
-            Discretisation::Capped => h_s.max(parameters.theta_E),
+            Discretisation::Capped => (self.state.lags.frequency.loop_steps() * h_s).max(parameters.theta_E),
             Discretisation::Explicit => parameters.theta_E,
         };
         let mut flows = std::mem::take(&mut self.scratch.flows);

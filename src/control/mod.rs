@@ -9,7 +9,7 @@
 //! | `config`, `communication`, `validate`, `error` | what a controller is made from, and what is wrong with it |
 //! | `graph`, `clustering`, `topology`, `network` | who talks to whom, from distances to the hot path's arrays |
 //! | `protocol`, `discretisation`, `exchange`, `estimator` | the laws (9)-(13), one function per equation |
-//! | `delay`, `limits` | what agents know of each other, what they can do |
+//! | `delay`, `lag`, `limits` | what agents know of each other, how late that is, what they can do |
 //! | `certificates`, `spectrum` | how long it takes |
 //! | `controller`, `adopt`, `evaluate`, `step`, `state`, `io`, `event` | the controller around them |
 #![forbid(unsafe_code)]
@@ -31,6 +31,7 @@ pub mod event;
 pub mod exchange;
 pub mod graph;
 pub mod io;
+pub mod lag;
 pub mod limits;
 pub mod network;
 pub mod protocol;

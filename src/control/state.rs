@@ -5,6 +5,7 @@ use super::delay::History;
 use super::error::{ConfigError, Problems};
 use super::exchange::HeldLink;
 use super::io::{Inputs, Outputs, Parameters};
+use super::lag::Lag;
 use serde::{Deserialize, Serialize};
 
 /// The state of a controller; made and read by [`super::Controller`] only.
@@ -26,6 +27,21 @@ pub struct State {
     /// Times of the last messages, two per edge; empty while no message is late or lost.
     pub(super) received_ns: Vec<i64>,
     pub(super) held: Vec<HeldLink>,
+    pub(super) lags: Lags,
+}
+
+/// How late the measurements are, by droop.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Lags {
+    pub frequency: Lag,
+    pub voltage: Lag,
+}
+
+impl Lags {
+    /// Before the first step, from outputs without power references.
+    pub fn start(outputs: &Outputs) -> Self {
+        Self { frequency: Lag::new(&outputs.omega_set), voltage: Lag::new(&outputs.V_set) }
+    }
 }
 
 /// The discrete inputs that are in force.
@@ -114,6 +130,8 @@ impl State {
                 problems.add(format!("held[{k}]"), format!("{link:?}"), format!("a link among {n} agents"));
             }
         }
+        self.lags.frequency.check(n, "lags.frequency", &mut problems);
+        self.lags.voltage.check(n, "lags.voltage", &mut problems);
         problems.into_result()
     }
 

@@ -5,13 +5,15 @@ use super::config::VoltagePolicy;
 use super::controller::Controller;
 use super::estimator;
 use super::exchange::setpoints;
-use super::state::Clock;
+use super::lag::no_load;
+use super::state::{Clock, State};
 use super::time::seconds;
 
 impl Controller {
     /// Advances from the evaluation at `start_ns` by `duration_ns`.
     pub(super) fn advance(&mut self, start_ns: i64, duration_ns: i64) {
         let h_s = seconds(duration_ns);
+        self.learn();
         if self.state.adopted.enable {
             self.integrate(h_s);
         }
@@ -27,9 +29,27 @@ impl Controller {
         };
     }
 
+    /// How late the measurements of this step are, from the setpoints before it moves them.
+    fn learn(&mut self) {
+        let State { inputs, parameters, outputs, lags, clock, .. } = &mut self.state;
+        let (live, compare) = (&self.topology.live, clock.samples > 0);
+        lags.frequency.observe(
+            live,
+            compare,
+            |i| no_load(inputs.omega[i], parameters.K_P[i], inputs.P[i]),
+            |i| no_load(outputs.omega_set[i], parameters.K_P[i], outputs.P_set[i]),
+        );
+        lags.voltage.observe(
+            live,
+            compare,
+            |i| no_load(inputs.V[i], parameters.K_Q[i], inputs.Q[i]),
+            |i| no_load(outputs.V_set[i], parameters.K_Q[i], outputs.Q_set[i]),
+        );
+    }
+
     /// d omega_set/dt = u_omega, dV_set/dt = u_V (5); P_set from the exchange; vbar from its flows.
     fn integrate(&mut self, h_s: f64) {
-        let average = self.flow(self.state.parameters.gain_V, h_s);
+        let average = self.flow(self.state.parameters.gain_V, &self.state.lags.voltage, h_s);
         let (state, scratch, live) = (&mut self.state, &self.scratch, &self.topology.live);
         let outputs = &mut state.outputs;
         for i in 0..live.len() {
