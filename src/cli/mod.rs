@@ -26,7 +26,7 @@ use std::process::ExitCode;
   bess run mine.json --grid MyGrid.fmu            the controller beside your own grid model
   bess cluster case1                              who talks to whom, and why
 
-SCENARIO is a JSON file or the built-in name case1.")]
+SCENARIO is a JSON file or a built-in name: case1, case2, case3, case4, plug_and_play, voltage, energy.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -51,7 +51,7 @@ enum Command {
 /// A scenario with some keys changed.
 #[derive(Args, Clone)]
 pub struct ScenarioArgs {
-    /// JSON file or built-in name (case1)
+    /// JSON file or built-in name: case1, case2, case3, case4, plug_and_play, voltage, energy
     #[arg(value_name = "SCENARIO")]
     scenario: String,
     /// Change a key of the scenario: --set control.gain.E=0 (repeatable)

@@ -18,6 +18,10 @@ pub struct Scenario {
     /// Where editors find the schema; not read.
     #[serde(rename = "$schema", default, skip_serializing_if = "Option::is_none")]
     pub schema: Option<String>,
+    /// Built-in name or JSON file (found beside this one) of the scenario that this one changes: objects are
+    /// merged key by key, arrays replaced whole, null takes a key away (JSON merge patch, RFC 7396).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub extends: Option<String>,
     /// Short name, used for folders and titles.
     pub name: String,
     /// What the scenario shows, in a sentence or two.
@@ -130,7 +134,8 @@ pub struct Bess {
     /// Largest rate of the active power reference, pu/s.
     #[serde(rename = "P_set_rate", default, skip_serializing_if = "Option::is_none")]
     pub p_set_rate: Option<f64>,
-    /// Position for Euclidean distances and for the drawing of the graph, any unit.
+    /// Position for Euclidean distances and for the drawing of the graph, any unit. Those of the built-in
+    /// scenarios are a plane picture of the electrical distances (classical multidimensional scaling).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub position: Option<[f64; 2]>,
 }

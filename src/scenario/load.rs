@@ -2,11 +2,20 @@
 
 use super::document::Scenario;
 use super::error::ScenarioError;
+use super::extends;
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
 /// The scenarios that the program carries: name and document.
-pub const BUILT_IN: [(&str, &str); 1] = [("case1", include_str!("built_in/case1.json"))];
+pub const BUILT_IN: [(&str, &str); 7] = [
+    ("case1", include_str!("built_in/case1.json")),
+    ("case2", include_str!("built_in/case2.json")),
+    ("case3", include_str!("built_in/case3.json")),
+    ("case4", include_str!("built_in/case4.json")),
+    ("plug_and_play", include_str!("built_in/plug_and_play.json")),
+    ("voltage", include_str!("built_in/voltage.json")),
+    ("energy", include_str!("built_in/energy.json")),
+];
 
 /// A document with its place, so that paths in it can be resolved and errors can name it.
 #[derive(Clone, Debug)]
@@ -35,17 +44,28 @@ pub fn find(name: &str) -> Result<Source, ScenarioError> {
     Ok(Source { origin: name.into(), folder: folder.into(), text })
 }
 
-/// Reads the document, with the keys in `set` (`"control.eta"`, `"bess[2].K_P"`) in place of its own.
+/// Reads the document, merged into the scenario that it extends, with the keys in `set` (`"control.eta"`,
+/// `"bess[2].K_P"`) in place of its own.
 pub fn read(source: &Source, set: &Map<String, Value>) -> Result<Scenario, ScenarioError> {
+    let trailing = |e: serde_json::Error| trailing_error(&source.origin, &e);
+    let parsed: Result<Value, serde_json::Error> = serde_json::from_str(&source.text);
+    if let Ok(document) = &parsed
+        && document.get("extends").is_some_and(|base| !base.is_null())
+    {
+        if let Some(error) = extends::check_patch(source) {
+            return Err(document_error(&source.origin, &error));
+        }
+        return typed(source, extends::merged(source, document.clone())?, set);
+    }
     let mut text = serde_json::Deserializer::from_str(&source.text);
     let scenario: Scenario = serde_path_to_error::deserialize(&mut text)
         .map_err(|e| document_error(&source.origin, &e))
-        .and_then(|scenario| text.end().map(|()| scenario).map_err(|e| trailing_error(&source.origin, &e)))?;
-    if set.is_empty() {
-        return Ok(scenario);
-    }
-    let mut document: Value =
-        serde_json::from_str(&source.text).map_err(|e| trailing_error(&source.origin, &e))?;
+        .and_then(|scenario| text.end().map(|()| scenario).map_err(trailing))?;
+    if set.is_empty() { Ok(scenario) } else { typed(source, parsed.map_err(trailing)?, set) }
+}
+
+/// A whole document with changed keys as a scenario.
+fn typed(source: &Source, mut document: Value, set: &Map<String, Value>) -> Result<Scenario, ScenarioError> {
     for (path, value) in set {
         replace(&mut document, path, value.clone()).map_err(|(found, expected)| ScenarioError::Value {
             origin: source.origin.clone(),
@@ -54,8 +74,9 @@ pub fn read(source: &Source, set: &Map<String, Value>) -> Result<Scenario, Scena
             expected,
         })?;
     }
-    serde_path_to_error::deserialize(document)
-        .map_err(|e| document_error(&format!("{} with changed keys", source.origin), &e))
+    let origin =
+        if set.is_empty() { source.origin.clone() } else { format!("{} with changed keys", source.origin) };
+    serde_path_to_error::deserialize(document).map_err(|e| document_error(&origin, &e))
 }
 
 /// `control.eta=0.3` as a path and a JSON value; what is no JSON is taken as a string.

@@ -4,6 +4,7 @@
 
 pub mod document;
 mod error;
+mod extends;
 mod load;
 mod resolve;
 mod resolve_control;
