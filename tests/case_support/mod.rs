@@ -28,17 +28,12 @@ pub fn scenario(name: &str, set: &[(&str, &str)]) -> Run {
 }
 
 /// The same with a hand on the participants before they start.
-pub fn with(
-    name: &str,
-    set: &[(&str, &str)],
-    change: impl FnOnce(&mut Vec<Box<dyn Participant>>),
-) -> Run {
+pub fn with(name: &str, set: &[(&str, &str)], change: impl FnOnce(&mut Vec<Box<dyn Participant>>)) -> Run {
     let resolved = Resolved::load(name, &keys(set)).unwrap();
     let (mut participants, plan) = stage(&resolved, &Cast::default()).unwrap();
     change(&mut participants);
-    let mut memory = Memory::new(1, |column| {
-        !column.variable.starts_with("bus_") && !column.variable.contains("_load[")
-    });
+    let mut memory =
+        Memory::new(1, |column| !column.variable.starts_with("bus_") && !column.variable.contains("_load["));
     run(&mut participants, &plan, &mut memory).unwrap();
     Run {
         t: memory.times_ns().iter().map(|t| *t as f64 * 1e-9).collect(),
@@ -140,7 +135,13 @@ impl Run {
     }
 
     /// Time after `from_s` from which `figure` stays within `tolerance` until `to_s`; none if it does not.
-    pub fn settled(&self, from_s: f64, to_s: f64, tolerance: f64, figure: impl Fn(usize) -> f64) -> Option<f64> {
+    pub fn settled(
+        &self,
+        from_s: f64,
+        to_s: f64,
+        tolerance: f64,
+        figure: impl Fn(usize) -> f64,
+    ) -> Option<f64> {
         let all = self.between(from_s, to_s);
         let end = all.end;
         let first = all.clone().rev().find(|&k| figure(k) > tolerance).map_or(all.start, |k| k + 1);

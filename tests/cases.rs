@@ -1,0 +1,209 @@
+#![cfg(feature = "host")]
+//! The built-in scenarios on the AC network, claim by claim. Each test prints its figures (`-- --nocapture`).
+#![allow(non_snake_case)]
+
+mod case_support;
+
+use bess_consensus::control::{Controller, Event};
+use bess_consensus::fmi::{Category, Instance, Interface, Logger};
+use bess_consensus::harness::{CONTROLLER, InProcess};
+use bess_consensus::models;
+use bess_consensus::scenario::Resolved;
+use case_support::{N, keys, scenario, with};
+use std::sync::{Arc, Mutex};
+
+const NO_EXCHANGE: (&str, &str) = ("control.gains.E", "0");
+
+#[test]
+fn case2_charges_as_dispatched_and_takes_its_load_back() {
+    let run = scenario("case2", &[]);
+    let (P, p) = (run.of_grid("P"), run.p());
+    let island = run.before(20.0);
+    assert!(P.iter().all(|P| P[island] > 0.5), "discharging in the island");
+    for end in [50.0, 80.0, 110.0] {
+        let charging =
+            run.worst(end - 5.0, end, |k| P.iter().fold(f64::NEG_INFINITY, |w, P| w.max(P[k])) + 1.0);
+        let off = run.worst(end - 5.0, end, |k| p.iter().fold(0.0, |w: f64, p| w.max((p[k] + 0.0005).abs())));
+        let (spread, omega) = (run.spread(&p, end - 5.0, end), run.omega_error(end - 5.0, end));
+        println!(
+            "until {end}: largest P {:.3}, K_P P off {off:.1e}, spread {spread:.1e}, omega {omega:.1e}",
+            charging - 1.0
+        );
+        assert!(charging < 1.0, "every P_i is negative");
+        assert!(off < 1e-5 && spread < 1e-5 && omega < 1e-5);
+    }
+    // The droop asks for a fall of the frequency by what all take over together, divided by sum 1/K_P.
+    let before = run.before(110.0);
+    let total = |k: usize| P.iter().map(|P| P[k]).sum::<f64>();
+    let stiffness: f64 = run.K_P.iter().map(|K| 1.0 / K).sum();
+    let demanded = (total(run.before(140.0)) - total(before)) / stiffness;
+    let fall = run.omega_error(110.0, 140.0);
+    let omega_set = run.of_controller("omega_set");
+    let step = |k: usize| omega_set.iter().map(|s| (s[k + 1] - s[k]).abs()).fold(0.0, f64::max);
+    let (jump, ordinary) = (step(before + 1), run.worst(110.1, 115.0, step));
+    println!(
+        "110 s: omega falls by {fall:.2e}, the droop demands {demanded:.2e}; omega_set moves {jump:.1e} in the first step, up to {ordinary:.1e} later"
+    );
+    assert!(fall <= demanded, "{fall:e} {demanded:e}");
+    assert!(run.omega_error(135.0, 140.0) < 1e-5 && run.spread(&p, 135.0, 140.0) < 1e-5);
+    assert!(P.iter().all(|P| P[run.before(140.0)] > 0.5), "discharging again");
+}
+
+#[test]
+fn case3_smaller_eta_settles_sooner_and_acts_harder() {
+    let mut last: Option<(f64, f64)> = None;
+    for eta in ["1", "0.9", "0.6", "0.5", "0.4", "0.1"] {
+        let run = scenario("case3", &[("control.eta", eta)]);
+        let p = run.p();
+        let settled = run.settled(20.0, 50.0, 1e-5, |k| run.consensus_error(&p, k));
+        let u = run.of_controller("u_omega");
+        let hardest = run.worst(20.0, 50.0, |k| u.iter().fold(0.0, |w: f64, u| w.max(u[k].abs())));
+        println!("eta {eta}: settled {settled:?} s, largest u_omega {hardest:.2e} pu/s");
+        let settled = settled.unwrap_or(f64::INFINITY);
+        if let Some((before, weaker)) = last {
+            assert!(settled < before && hardest > weaker, "eta = {eta}");
+        }
+        last = Some((settled, hardest));
+    }
+}
+
+#[test]
+fn case3_the_fixed_time_law_settles_no_later_than_the_finite_time_law() {
+    let of = |law: &str| {
+        let run = scenario("case3", &[("control.law", law)]);
+        let p = run.p();
+        run.settled(20.0, 50.0, 1e-5, |k| run.consensus_error(&p, k)).unwrap()
+    };
+    let (finite, fixed) = (of("\"finite_time\""), of(r#"{"fixed_time":{"alpha":1,"beta":100}}"#));
+    println!("finite time {finite:.2} s, fixed time {fixed:.2} s");
+    assert!(fixed <= finite);
+}
+
+#[test]
+fn case4_reaches_consensus_half_a_second_late_and_later_than_without_delay() {
+    let (late, prompt) = (scenario("case4", &[]), scenario("case4", &[("control.delay_s", "0")]));
+    let (p_late, p_prompt) = (late.p(), prompt.p());
+    let settled = |to_s: f64, tolerance: f64| {
+        (
+            late.settled(to_s - 30.0, to_s, tolerance, |k| late.consensus_error(&p_late, k)),
+            prompt.settled(to_s - 30.0, to_s, tolerance, |k| prompt.consensus_error(&p_prompt, k)),
+        )
+    };
+    for (to_s, tolerance) in [(50.0, 1e-3), (80.0, 1e-5)] {
+        let (slow, quick) = settled(to_s, tolerance);
+        println!("within {tolerance:.0e} {slow:?} s after {}, {quick:?} s without delay", to_s - 30.0);
+        assert!(slow.unwrap() > quick.unwrap());
+    }
+}
+
+#[test]
+fn case4_jitter_and_loss_come_from_the_seed_alone() {
+    let channel = |seed: u32| format!(r#"{{"jitter_s": 0.2, "loss": 0.2, "seed": {seed}}}"#);
+    let of = |seed: u32| {
+        let run = scenario("case4", &[("control.channel", &channel(seed)), ("stop_s", "50")]);
+        (run.of_controller("omega_set"), run.omega_error(45.0, 50.0))
+    };
+    let ((first, error), (again, _), (other, _)) = (of(1), of(1), of(2));
+    println!("jitter 0.2 s and 20 % loss on top of 0.5 s: omega within {error:.1e}");
+    assert!(first == again, "one seed, one run");
+    assert!(first != other, "another seed, another run");
+    assert!(error < 1e-3);
+}
+
+#[test]
+fn case4_each_edge_has_its_own_delay() {
+    let resolved = Resolved::load("case4", &keys(&[])).unwrap();
+    let variant = resolved.scenario.compare.iter().find(|v| v.label == "a delay per edge").unwrap();
+    let graphs = serde_json::to_string(&variant.set["communication.graphs"]).unwrap();
+    let per_edge = scenario("case4", &[("communication.graphs", &graphs)]);
+    let common = graphs.replace(",\"delay_s\":0.7", "");
+    assert_ne!(graphs, common);
+    let other = scenario("case4", &[("communication.graphs", &common)]);
+    assert!(
+        per_edge.of_controller("omega_set") != other.of_controller("omega_set"),
+        "0.7 s or 0.5 s on one edge"
+    );
+    let p = per_edge.p();
+    let (omega, sharing) = (per_edge.omega_error(75.0, 80.0), per_edge.spread(&p, 75.0, 80.0));
+    println!("0.1 to 0.7 s: omega {omega:.1e}, sharing {sharing:.1e} before 80 s");
+    assert!(omega < 1e-4 && sharing < 1e-4);
+}
+
+#[test]
+fn plug_and_play_holds_who_left_and_takes_them_back() {
+    let run = scenario("plug_and_play", &[]);
+    let p = run.p();
+    let omega_set = run.of_controller("omega_set");
+    let away = run.between(40.02, 70.0);
+    for i in [4, 6] {
+        assert!(away.clone().all(|k| omega_set[i][k] == omega_set[i][away.start]), "agent {} holds", i + 1);
+    }
+    let staying: Vec<Vec<f64>> = [0, 1, 2, 3, 5].map(|i| p[i].clone()).to_vec();
+    let (among, omega) = (run.spread(&staying, 65.0, 70.0), run.omega_error(65.0, 70.0));
+    let back = (run.spread(&p, 90.0, 95.0), run.omega_error(90.0, 95.0));
+    println!(
+        "away: sharing among the others {among:.1e}, omega {omega:.1e}; back: {:.1e}, {:.1e}",
+        back.0, back.1
+    );
+    assert!(among < 1e-5 && omega < 1e-5);
+    assert!(back.0 < 1e-5 && back.1 < 1e-5);
+    assert!(run.worst_sum_of_P_set() < 1e-9);
+}
+
+#[test]
+fn a_cluster_whose_leader_leaves_elects_the_next() {
+    let resolved = Resolved::load("plug_and_play", &keys(&[])).unwrap();
+    let mut controller = Controller::new(resolved.control).unwrap();
+    assert_eq!(controller.leaders(), [0, 6]);
+    let mut events = Vec::new();
+    for i in [4, 6] {
+        controller.inputs_mut().available[i] = false;
+    }
+    controller.refresh(&mut |event| events.push(event));
+    println!("{events:?}");
+    // Of the pairs that are left between the clusters, BESS 3 and 6 are the nearest.
+    assert!(events.contains(&Event::LeaderElected { agent: 6, cluster: 2 }), "an election is reported");
+    assert_eq!(controller.leaders(), [2, 5]);
+}
+
+/// A path 1 - 2 - ... - 7, pinned at agent 1.
+const PATH: &str = r#"[{"name": "path", "pins": [{"agent": 1}], "edges": [
+    {"a": 1, "b": 2, "weight": 1}, {"a": 2, "b": 3, "weight": 1}, {"a": 3, "b": 4, "weight": 1},
+    {"a": 4, "b": 5, "weight": 1}, {"a": 5, "b": 6, "weight": 1}, {"a": 6, "b": 7, "weight": 1}]}]"#;
+
+#[test]
+fn a_graph_that_falls_apart_is_reported_and_its_pinned_part_goes_on() {
+    let lines: Arc<Mutex<Vec<(Category, String)>>> = Arc::default();
+    let sink = Arc::clone(&lines);
+    let events = r#"[{"at_s": 20, "set": {"controller.enable": true}},
+        {"at_s": 50, "set": {"controller.available[4]": false}},
+        {"at_s": 55, "set": {"grid.dP_load[12]": -0.5, "grid.dQ_load[12]": -0.5}}]"#;
+    let set = [("communication.graphs", PATH), ("events", events), ("stop_s", "80"), NO_EXCHANGE];
+    let resolved = Resolved::load("case1", &keys(&set)).unwrap();
+    let run = with("case1", &set, |participants| {
+        let model = models::Controller::new(models::Controller::resource(&resolved)).unwrap();
+        let write = move |category: Category, line: std::fmt::Arguments<'_>| {
+            sink.lock().unwrap().push((category, line.to_string()));
+        };
+        let logger = Logger::new(write, true);
+        let instance = Instance::from_model(CONTROLLER, model, Interface::Structured, logger).unwrap();
+        participants[0] = Box::new(InProcess::new(CONTROLLER, instance));
+    });
+    let lines = lines.lock().unwrap();
+    let warned = |part: &str| lines.iter().any(|(c, line)| *c == Category::Warning && line.contains(part));
+    println!("{lines:?}");
+    assert!(warned("fell into 2 parts"), "the parting is a warning of the FMI logger");
+    assert!(warned("5"), "the part that holds is named");
+    let omega_set = run.of_controller("omega_set");
+    let after = run.between(50.02, 80.0);
+    for i in 3..N {
+        assert!(after.clone().all(|k| omega_set[i][k] == omega_set[i][after.start]), "agent {} holds", i + 1);
+    }
+    for i in 0..3 {
+        assert!(omega_set[i][after.end - 1] != omega_set[i][after.start], "agent {} goes on", i + 1);
+    }
+    let pinned: Vec<Vec<f64>> = run.p()[..3].to_vec();
+    let (sharing, omega) = (run.spread(&pinned, 75.0, 80.0), run.omega_error(75.0, 80.0));
+    println!("pinned part: sharing {sharing:.1e}, omega {omega:.1e}");
+    assert!(sharing < 1e-6 && omega < 1e-6);
+}
