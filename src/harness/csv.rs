@@ -19,10 +19,11 @@ pub(super) fn write(
     recycle: &SyncSender<Vec<f64>>,
 ) -> io::Result<NamedTempFile> {
     let mut text = Vec::with_capacity(PORTION + 64 * columns.len());
+    let mut cells = vec![Cell::default(); columns.len()];
     header(&mut text, columns);
     while let Ok(mut block) = filled.recv() {
         for row in block.chunks_exact(1 + columns.len()) {
-            push_row(&mut text, columns, row)?;
+            push_row(&mut text, columns, &mut cells, row)?;
             if text.len() >= PORTION {
                 file.write_all(&text)?;
                 text.clear();
@@ -52,13 +53,30 @@ fn header(text: &mut Vec<u8>, columns: &[Column]) {
     text.push(b'\n');
 }
 
-fn push_row(text: &mut Vec<u8>, columns: &[Column], row: &[f64]) -> io::Result<()> {
+/// What was last written into a column. Many columns stand still for long, and copying is cheaper than
+/// finding the shortest form again.
+#[derive(Clone, Default)]
+struct Cell {
+    bits: u64,
+    text: Vec<u8>,
+}
+
+fn push_row(text: &mut Vec<u8>, columns: &[Column], cells: &mut [Cell], row: &[f64]) -> io::Result<()> {
     let [time, values @ ..] = row else { return Ok(()) };
     push_real(text, *time)?;
-    for (value, column) in values.iter().zip(columns) {
+    for ((value, column), cell) in values.iter().zip(columns).zip(cells) {
         text.push(b',');
         match column.kind {
-            Kind::Real => push_real(text, *value)?,
+            Kind::Real if !cell.text.is_empty() && cell.bits == value.to_bits() => {
+                text.extend_from_slice(&cell.text);
+            }
+            Kind::Real => {
+                let begin = text.len();
+                push_real(text, *value)?;
+                cell.bits = value.to_bits();
+                cell.text.clear();
+                cell.text.extend_from_slice(&text[begin..]);
+            }
             Kind::Boolean => text.push(if *value == 0.0 { b'0' } else { b'1' }),
             Kind::Integer | Kind::String => serde_json::to_writer(&mut *text, &(*value as i64))?,
         }
@@ -101,9 +119,17 @@ mod tests {
             [column("P[1]", Kind::Real), column("cluster[1]", Kind::Integer), column("on", Kind::Boolean)];
         let mut text = Vec::new();
         header(&mut text, &columns);
-        push_row(&mut text, &columns, &[0.1, -1e-7, -3.0, 1.0]).unwrap();
-        push_row(&mut text, &columns, &[0.2, f64::NAN, 2.0, 0.0]).unwrap();
-        let expected = "time,grid.P[1],grid.cluster[1],grid.on\n0.1,-1e-7,-3,1\n0.2,NaN,2,0\n";
+        let mut cells = vec![Cell::default(); columns.len()];
+        for row in [
+            [0.1, -1e-7, -3.0, 1.0],
+            [0.2, f64::NAN, 2.0, 0.0],
+            [0.3, f64::NAN, 2.0, 0.0],
+            [0.4, 0.0, 2.0, 1.0],
+        ] {
+            push_row(&mut text, &columns, &mut cells, &row).unwrap();
+        }
+        let expected = "time,grid.P[1],grid.cluster[1],grid.on\n0.1,-1e-7,-3,1\n0.2,NaN,2,0\n0.3,NaN,2,0\n\
+                        0.4,0.0,2,1\n";
         assert_eq!(String::from_utf8(text).unwrap(), expected);
     }
 
