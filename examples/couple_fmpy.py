@@ -70,14 +70,18 @@ SETPOINTS = ["omega_set", "V_set", "P_set", "Q_set"]
 
 
 def exchange(controller, grid):
-    """Read both sides first, then write both: neither sees the other's next step (a Jacobi master)."""
-    measured = {name: grid.get(name) for name in MEASUREMENTS}
+    """Setpoints first, then what the grid makes of them at once: so nothing arrives a step late.
+
+    A master that reads both sides before it writes either (Jacobi) works as well: the controller notices that
+    its measurements are late and allows for it.
+    """
     commanded = {name: controller.get(name) for name in SETPOINTS}
-    for name, values in measured.items():
-        controller.set(name, values)
     for name, values in commanded.items():
         grid.set(name, values)
-    return measured
+    measured = {name: grid.get(name) for name in MEASUREMENTS}
+    for name, values in measured.items():
+        controller.set(name, values)
+    return commanded, measured
 
 
 def simulate(options):
@@ -94,7 +98,6 @@ def simulate(options):
     for slave in slaves:
         slave.fmu.enterInitializationMode()
     exchange(controller, grid)
-    exchange(controller, grid)  # now the controller has the measurements of that steady state
     for slave in slaves:
         slave.fmu.exitInitializationMode()
 
@@ -112,8 +115,9 @@ def simulate(options):
     for k in range(steps + 1):
         for slave, name, value in events.get(k, []):
             slave.set_one(name, value)
-        measured = exchange(controller, grid)
-        rows.append((k * h, measured["omega"], [K * P for K, P in zip(gains, measured["P"])], measured["V"]))
+        commanded, measured = exchange(controller, grid)
+        shares = [K * (P - P_set) for K, P, P_set in zip(gains, measured["P"], commanded["P_set"])]
+        rows.append((k * h, measured["omega"], shares, measured["V"]))
         if k < steps:
             for slave in slaves:
                 slave.fmu.doStep(currentCommunicationPoint=k * h, communicationStepSize=h)
@@ -130,11 +134,11 @@ def sorted_elements(slave, quantity):
 
 
 def print_table(rows, every):
-    print("  t, s   worst omega - 1   spread of K_P P    mean V     (pu)")
+    print("  t, s   worst omega - 1     K_P (P - P_set) spread    mean V     (pu)")
     stride = max(1, round(every / (rows[1][0] - rows[0][0]))) if len(rows) > 1 else 1
     for t, omega, shares, V in rows[::stride] + ([rows[-1]] if (len(rows) - 1) % stride else []):
         worst = max(omega, key=lambda value: abs(value - 1)) - 1
-        print(f"{t:6.1f}   {worst:15.3e}   {max(shares) - min(shares):15.3e}   {sum(V) / len(V):7.5f}")
+        print(f"{t:6.1f}   {worst:15.3e}   {max(shares) - min(shares):24.3e}   {sum(V) / len(V):7.5f}")
 
 
 def plot(rows):
@@ -145,7 +149,7 @@ def plot(rows):
         return
     time = [row[0] for row in rows]
     figure, axes = pyplot.subplots(3, sharex=True, figsize=(8, 8))
-    for axis, column, label in zip(axes, (1, 2, 3), ("omega, pu", "K_P P, pu", "V, pu")):
+    for axis, column, label in zip(axes, (1, 2, 3), ("omega, pu", "K_P (P - P_set), pu", "V, pu")):
         axis.plot(time, [row[column] for row in rows], linewidth=1)
         axis.set_ylabel(label)
     axes[-1].set_xlabel("t, s")

@@ -83,7 +83,7 @@ def test_the_same_steady_states_as_in_the_harness(make, bess, root, tmp_path):
     assert len(changes) >= 3, f"{changes}: the events' inputs are columns of the trajectory"
 
     compared = [k - 1 for k in changes] + [len(time) - 1]
-    quantities = [("grid", q) for q in ["P", "Q", "V", "omega", "E"]]
+    quantities = [("grid", q) for q in ["P", "Q", "V", "omega"]]
     quantities += [("controller", q) for q in ["omega_set", "V_set", "P_set"]]
     names = [f"{who}.{name}" for who, q in quantities for name in members[who].arrays[q]]
     found = {}
