@@ -3,7 +3,7 @@
 
 mod control_support;
 
-use bess_consensus::control::clustering::cluster;
+use bess_consensus::control::clustering::{Verdict, cluster};
 use control_support::Random;
 
 /// A normal deviate (Box, Muller).
@@ -55,8 +55,18 @@ fn the_57_bus_case_has_the_two_clusters_of_the_paper() {
     let distances: Vec<Vec<f64>> =
         (0..7).map(|i: usize| (0..7).map(|j| upper[i.min(j)][i.max(j)]).collect()).collect();
     let found = cluster(&distances);
-    for cut in &found.cuts {
+    for (k, cut) in found.cuts.iter().enumerate() {
         println!("{cut:?}");
+        let first = found.cuts[0].gain;
+        let later = found.cuts[k + 1..].iter().any(|later| later.gain >= first);
+        let expected = match (k, cut.gain >= first, later) {
+            (0, ..) => Verdict::First,
+            (_, true, _) => Verdict::Gains,
+            (_, false, true) => Verdict::OnTheWay,
+            (_, false, false) => Verdict::Kept,
+        };
+        assert_eq!(cut.verdict, expected, "{cut:?}");
     }
+    assert!(found.cuts.iter().any(|cut| cut.verdict == Verdict::OnTheWay), "this case shows what it is for");
     assert_eq!(found.cluster, [0, 0, 0, 1, 1, 1, 1]);
 }

@@ -1,7 +1,7 @@
 //! `bess cluster`: who talks to whom, and why.
 
 use super::{Failure, ScenarioArgs, print};
-use crate::control::clustering::Clustering;
+use crate::control::clustering::{Clustering, Verdict};
 use crate::control::topology::{Topologies, Topology};
 use crate::scenario::Resolved;
 use std::fmt::Write as _;
@@ -31,7 +31,12 @@ fn write_clustering(text: &mut String, resolved: &Resolved, clustering: &Cluster
     }
     text.push_str("\nCuts, in the order tried (gain: fall of the standard deviation of the trees' edges)\n");
     for cut in &clustering.cuts {
-        let verdict = if cut.made { "cut" } else { "kept: below the gain of the first cut" };
+        let verdict = match cut.verdict {
+            Verdict::First => "cut",
+            Verdict::Gains => "cut: gains at least as much as the first",
+            Verdict::OnTheWay => "cut: a later cut gains at least as much as the first",
+            Verdict::Kept => "kept: from here on no cut gains as much as the first",
+        };
         let _ = writeln!(
             text,
             "  {:<10} {:<10} {:>10.5}  gain {:.5}  {verdict}",

@@ -19,8 +19,28 @@ pub struct Cut {
     pub link: Link,
     /// By how much it lowers the size-weighted standard deviation of the trees' edges; delta_k of (7).
     pub gain: f64,
-    /// Whether it stands, by (8).
-    pub made: bool,
+    /// What becomes of it by (8).
+    pub verdict: Verdict,
+}
+
+/// What (8) makes of a cut: they stand up to the last one whose gain reaches that of the first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The first cut stands; the others are held against its gain.
+    First,
+    /// Stands: gains as much as the first.
+    Gains,
+    /// Gains less than the first, but stands, because a later cut gains as much.
+    OnTheWay,
+    /// Does not stand: neither it nor a later one gains as much as the first.
+    Kept,
+}
+
+impl Verdict {
+    /// Whether the tree is cut there.
+    pub fn is_cut(self) -> bool {
+        self != Self::Kept
+    }
 }
 
 /// The clusters, and how they came about.
@@ -67,7 +87,7 @@ pub fn cluster(distances: &[Vec<f64>]) -> Clustering {
     let cuts = weigh_cuts(n, &tree);
     let mut sets = Sets::new(n);
     for link in &tree {
-        if !cuts.iter().any(|cut| cut.made && cut.link == *link) {
+        if !cuts.iter().any(|cut| cut.verdict.is_cut() && cut.link == *link) {
             sets.join(link.a, link.b);
         }
     }
@@ -87,12 +107,16 @@ fn weigh_cuts(n: usize, tree: &[Link]) -> Vec<Cut> {
         }
         deviation -= gain;
         forest.cut(position);
-        cuts.push(Cut { link: tree[position], gain, made: false });
+        cuts.push(Cut { link: tree[position], gain, verdict: Verdict::Kept });
     }
     if let Some(first) = cuts.first().map(|cut| cut.gain) {
         let last = cuts.iter().rposition(|cut| cut.gain >= first).unwrap_or(0);
-        for cut in &mut cuts[..=last] {
-            cut.made = true;
+        for (k, cut) in cuts[..=last].iter_mut().enumerate() {
+            cut.verdict = match k {
+                0 => Verdict::First,
+                _ if cut.gain >= first => Verdict::Gains,
+                _ => Verdict::OnTheWay,
+            };
         }
         // One cut beyond the last shows why the cutting ended.
         cuts.truncate(last + 2);
@@ -282,7 +306,7 @@ mod tests {
         let found = cluster(&on_a_line(&[0.0, 1.0, 2.0, 10.0, 11.0, 12.0]));
         assert_eq!(found.cluster, [0, 0, 0, 1, 1, 1]);
         assert!((found.cuts[0].gain - 2.8).abs() < 1e-12);
-        assert_eq!(found.cuts.iter().filter(|c| c.made).count(), 1);
+        assert_eq!(found.cuts.iter().filter(|c| c.verdict.is_cut()).count(), 1);
     }
 
     #[test]
