@@ -54,7 +54,7 @@ pub struct ScenarioArgs {
     /// JSON file or built-in name: case1, case2, case3, case4, plug_and_play, voltage, energy
     #[arg(value_name = "SCENARIO")]
     scenario: String,
-    /// Change a key of the scenario: --set control.gain.E=0 (repeatable)
+    /// Change a key of the scenario: --set control.gains.E=0 (repeatable)
     #[arg(long, value_name = "PATH=VALUE", value_parser = crate::scenario::parse_assignment)]
     set: Vec<(String, Value)>,
 }

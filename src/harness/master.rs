@@ -100,6 +100,12 @@ impl Run {
         let wiring = Wiring::compile(participants, &plan.connections, &recorded)?;
         let lookup = Lookup::new(participants);
         let mut values = vec![0.0; wiring.columns.len()];
+        let mut events = Vec::new();
+        for event in plan.events.iter().filter(|event| event.at_ns <= plan.stop_ns) {
+            let place = format!("event at {:?} s", seconds(event.at_ns));
+            let (sets, records) = resolve(&lookup, &wiring, &place, &event.sets, true)?;
+            events.push(Due { at_ns: event.at_ns, sets, records });
+        }
         for endpoint in &recorded {
             let (_, variable) = lookup.find("event", endpoint)?;
             if let (Some(column), Some(start)) = (wiring.set_column(endpoint), variable.start)
@@ -110,12 +116,6 @@ impl Run {
         }
         let (initial, records) = resolve(&lookup, &wiring, "initial value", &plan.initial, false)?;
         record(&mut values, &records);
-        let mut events = Vec::new();
-        for event in plan.events.iter().filter(|event| event.at_ns <= plan.stop_ns) {
-            let place = format!("event at {:?} s", seconds(event.at_ns));
-            let (sets, records) = resolve(&lookup, &wiring, &place, &event.sets, true)?;
-            events.push(Due { at_ns: event.at_ns, sets, records });
-        }
         events.sort_by_key(|event| event.at_ns);
         let outcome = Outcome { stepping: vec![Duration::ZERO; participants.len()], ..Outcome::default() };
         let is_stale = vec![true; participants.len()];
