@@ -1,5 +1,6 @@
 //! What `bess run` prints: one row per phase, and where the rest is.
 
+use super::comparison;
 use super::results::Results;
 use crate::report::{Phase, format_value};
 use std::fmt::Write as _;
@@ -28,6 +29,9 @@ pub fn table(results: &Results, folder: &Path, report: bool) -> String {
         for phase in &variant.phases {
             row(&mut text, phase, width);
         }
+    }
+    if results.side_by_side.len() > 1 {
+        text.push_str(&comparison::text(&results.side_by_side));
     }
     let options = results.options();
     let _ = writeln!(

@@ -1,15 +1,18 @@
 //! `bess run`: couple, simulate, and leave what a person and what a script want to see.
 
+mod comparison;
 mod console;
 mod record;
 mod results;
+mod sections;
 
 use super::{Failure, ScenarioArgs, print, results_folder};
 use crate::harness::{Cast, HarnessError, Origin};
 use crate::scenario::{self, Resolved};
 use clap::Args;
+use comparison::Compared;
 use miette::{IntoDiagnostic, WrapErr};
-use record::{Record, record};
+use record::record;
 use std::path::PathBuf;
 
 /// The command line of `bess run`.
@@ -51,10 +54,10 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     let cast = Cast { controller: origin(&args.controller), grid: origin(&args.grid) };
 
     let main = record(&resolved, &cast, Some(&folder), args.quiet).map_err(failed)?;
-    let mut compared: Vec<(String, Record)> = Vec::new();
-    for (label, variant) in &variants {
-        let record = record(variant, &Cast::default(), None, args.quiet).map_err(failed)?;
-        compared.push((label.clone(), record));
+    let mut compared: Vec<Compared> = Vec::with_capacity(variants.len());
+    for (label, resolved) in variants {
+        let record = record(&resolved, &Cast::default(), None, args.quiet).map_err(failed)?;
+        compared.push(Compared { label, resolved, record });
     }
     let results = results::Results::new(&resolved, &main, &compared)?;
     results.write_summary(&folder.join("summary.json"))?;

@@ -1,11 +1,12 @@
 //! The figures of a run and its variants: for the terminal, for `summary.json` and for the report.
 
 use super::super::Failure;
+use super::comparison::{self, Compared, Row};
 use super::record::Record;
-use crate::control::topology::Topologies;
+use super::sections::{communication, figures_of_paper, side_by_side};
 use crate::report::{
-    Agents, Edge, GraphFigure, Item, Node, Phase, PhaseOptions, Report, Section, Status, cluster_layout,
-    error_systems, five_states, phase_table, phases,
+    Agents, Item, Phase, PhaseOptions, Report, Section, Status, error_systems, five_states, phase_table,
+    phases,
 };
 use crate::scenario::Resolved;
 use miette::{IntoDiagnostic, WrapErr};
@@ -32,6 +33,10 @@ pub struct Results {
     pub phases: Vec<Phase>,
     /// The same scenario with other keys.
     pub variants: Vec<VariantResults>,
+    /// The run and its variants from enabling to the next event; empty without variants.
+    pub side_by_side: Vec<Row>,
+    /// In which range of eta the smaller one is faster, where eta was varied.
+    pub eta: Option<String>,
     #[serde(skip)]
     agents: Agents,
     #[serde(skip)]
@@ -51,7 +56,7 @@ pub struct VariantResults {
 
 impl Results {
     /// Sums up the run and its variants.
-    pub fn new(resolved: &Resolved, main: &Record, compared: &[(String, Record)]) -> Result<Self, Failure> {
+    pub fn new(resolved: &Resolved, main: &Record, compared: &[Compared]) -> Result<Self, Failure> {
         let n = resolved.control.agents();
         let agents = Agents {
             names: (0..n).map(|i| resolved.bess_name(i)).collect(),
@@ -66,9 +71,25 @@ impl Results {
         let options = PhaseOptions { active_from_s: enabled_from(resolved), ..PhaseOptions::default() };
         let of = |record: &Record| phases(&record.columns()?, &agents, &events, &options);
         let mut variants = Vec::with_capacity(compared.len());
-        for (label, record) in compared {
+        for Compared { label, record, .. } in compared {
             variants.push(VariantResults { label: label.clone(), phases: of(record).into_diagnostic()? });
         }
+        let own = of(main).into_diagnostic()?;
+        let side_by_side = if variants.is_empty() {
+            Vec::new()
+        } else {
+            let mut rows = Vec::with_capacity(variants.len() + 1);
+            let first = |phases: &[Phase]| phases.iter().find(|p| p.from_s >= options.active_from_s).cloned();
+            if let Some(phase) = first(&own) {
+                rows.push(comparison::row("as given", resolved, resolved, main, &agents, &phase)?);
+            }
+            for (c, v) in compared.iter().zip(&variants) {
+                if let Some(phase) = first(&v.phases) {
+                    rows.push(comparison::row(&c.label, resolved, &c.resolved, &c.record, &agents, &phase)?);
+                }
+            }
+            rows
+        };
         Ok(Self {
             scenario: resolved.scenario.name.clone(),
             simulated_s: resolved.scenario.stop_s,
@@ -76,8 +97,10 @@ impl Results {
             wall_s: main.outcome.total.as_secs_f64(),
             real_time_factor: main.real_time_factor(),
             worst_sum_of_P_set: main.worst_sum_of_p_set(n),
-            phases: of(main).into_diagnostic()?,
+            phases: own,
             variants,
+            eta: comparison::eta_verdict(&side_by_side),
+            side_by_side,
             agents,
             events,
             options,
@@ -110,31 +133,32 @@ impl Results {
         &self,
         resolved: &Resolved,
         main: &Record,
-        compared: &[(String, Record)],
+        compared: &[Compared],
     ) -> Result<Report, Failure> {
-        let mut sections = vec![
-            Section {
-                heading: "Figures of the run".into(),
-                text: format!(
-                    "{} s simulated in {:.3} s, {:.0} times faster than real time, with a communication step of \
+        let mut sections = vec![Section {
+            heading: "Figures of the run".into(),
+            text: format!(
+                "{} s simulated in {:.3} s, {:.0} times faster than real time, with a communication step of \
                      {} s. The sum of the power references stayed within {:.1e} pu of zero.",
-                    self.simulated_s,
-                    self.wall_s,
-                    self.real_time_factor,
-                    self.step_s,
-                    self.worst_sum_of_P_set
-                ),
-                items: vec![phase_table(&self.phases, &self.agents, &self.options)],
-            },
-            self.states("The five states", main)?,
-            self.errors("Error systems", main)?,
-        ];
-        for (variant, (label, record)) in self.variants.iter().zip(compared) {
+                self.simulated_s, self.wall_s, self.real_time_factor, self.step_s, self.worst_sum_of_P_set
+            ),
+            items: vec![phase_table(&self.phases, &self.agents, &self.options)],
+        }];
+        if self.side_by_side.len() > 1 {
+            sections.push(side_by_side(&self.side_by_side, &self.agents, &self.events, main, compared)?);
+        }
+        let paper = figures_of_paper(&self.scenario);
+        let title = |what: &str, figure: Option<u32>| {
+            figure.map_or_else(|| what.to_owned(), |k| format!("{what} (the paper's Figure {k})"))
+        };
+        sections.push(self.states(&title("The five states", paper.map(|p| p.0)), main)?);
+        sections.push(self.errors(&title("Error systems", paper.map(|p| p.1)), main)?);
+        for (variant, Compared { label, record, .. }) in self.variants.iter().zip(compared) {
             let mut section = self.errors(&format!("To compare: {label}"), record)?;
             section.items.insert(0, phase_table(&variant.phases, &self.agents, &self.options));
             sections.push(section);
         }
-        sections.push(graphs(resolved));
+        sections.push(communication(resolved)?);
         Ok(Report {
             title: resolved.scenario.name.clone(),
             subtitle: resolved.scenario.description.clone(),
@@ -182,46 +206,4 @@ fn enabled_from(resolved: &Resolved) -> f64 {
     }
     let times = resolved.scenario.events.iter().filter(|e| on(&e.set)).map(|e| e.at_s);
     times.fold(f64::INFINITY, f64::min)
-}
-
-/// The communication graphs, at the positions of the batteries where they are known.
-fn graphs(resolved: &Resolved) -> Section {
-    let config = &resolved.control;
-    let n = config.agents();
-    let topologies = Topologies::new(n, &config.communication);
-    let mut items = Vec::new();
-    for k in 0..topologies.count() {
-        let topology = topologies.build(k, &vec![true; n]);
-        let groups: Vec<usize> = topology.cluster.iter().map(|c| (*c - 1).max(0) as usize).collect();
-        let leads: Vec<bool> = (0..n).map(|i| topology.leaders.contains(&i)).collect();
-        let given: Option<Vec<(f64, f64)>> =
-            resolved.scenario.bess.iter().map(|b| b.position.map(|[x, y]| (x, y))).collect();
-        let places = given.unwrap_or_else(|| cluster_layout(&groups, &leads));
-        let nodes = (0..n)
-            .map(|i| Node {
-                name: resolved.bess_name(i),
-                x: places[i].0,
-                y: places[i].1,
-                group: groups[i],
-                is_leader: leads[i],
-            })
-            .collect();
-        let edges = topology.graph.edges().iter().map(|e| {
-            let (a, b) = e.ends();
-            Edge { a, b, weight: e.weight }
-        });
-        let pins = topology.graph.pins().iter().enumerate().filter(|(_, w)| **w > 0.0).map(|(i, _)| i);
-        items.push(Item::Graph(GraphFigure {
-            title: format!(
-                "Topology {}: {}",
-                k + 1,
-                config.communication.topology_name(k).unwrap_or_default()
-            ),
-            nodes,
-            edges: edges.collect(),
-            pins: pins.collect(),
-            note: "Shaded: clusters. Edges: who talks to whom, with weights.".into(),
-        }));
-    }
-    Section { heading: "Communication".into(), text: String::new(), items }
 }
