@@ -31,12 +31,7 @@ fn write_clustering(text: &mut String, resolved: &Resolved, clustering: &Cluster
     }
     text.push_str("\nCuts, in the order tried (gain: fall of the standard deviation of the trees' edges)\n");
     for cut in &clustering.cuts {
-        let verdict = match cut.verdict {
-            Verdict::First => "cut",
-            Verdict::Gains => "cut: gains at least as much as the first",
-            Verdict::OnTheWay => "cut: a later cut gains at least as much as the first",
-            Verdict::Kept => "kept: from here on no cut gains as much as the first",
-        };
+        let verdict = verdict(cut.verdict);
         let _ = writeln!(
             text,
             "  {:<10} {:<10} {:>10.5}  gain {:.5}  {verdict}",
@@ -68,5 +63,15 @@ fn write_topology(text: &mut String, resolved: &Resolved, topology: &Topology) {
     }
     for (i, weight) in topology.graph.pins().iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
         let _ = writeln!(text, "    {:<10} {:<10} weight {weight:.5}", "leader 0", name(i));
+    }
+}
+
+/// Why a cut stands or not, in words.
+pub fn verdict(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::First => "cut",
+        Verdict::Gains => "cut: gains at least as much as the first",
+        Verdict::OnTheWay => "cut: a later cut gains at least as much as the first",
+        Verdict::Kept => "kept: from here on no cut gains as much as the first",
     }
 }

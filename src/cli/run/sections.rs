@@ -117,7 +117,7 @@ fn clustering(resolved: &Resolved, topologies: &Topologies) -> Option<Table> {
     let row = |link: &crate::control::clustering::Link| {
         let cut = found.cuts.iter().find(|c| (c.link.a, c.link.b) == (link.a, link.b));
         let (gain, verdict) = match cut {
-            Some(cut) => (format_value(cut.gain, 3), if cut.made { "cut" } else { "kept: too small a gain" }),
+            Some(cut) => (format_value(cut.gain, 3), super::super::cluster::verdict(cut.verdict)),
             None => ("\u{2013}".into(), "kept"),
         };
         let (a, b) = (resolved.bess_name(link.a), resolved.bess_name(link.b));
