@@ -5,8 +5,8 @@
 
 mod control_support;
 
+use bess_consensus::control::Config;
 use bess_consensus::control::config::{Channel, Law, Limits, MeasurementFilter, SocLimits, VoltagePolicy};
-use bess_consensus::control::{Config, Controller};
 use control_support::*;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -87,8 +87,7 @@ fn no_step_allocates() {
         let (edges, pins) = random_graph(&mut random, n);
         let mut config = Config::unit(n, explicit(edges, pins));
         change(&mut config);
-        let mut controller = Controller::new(config).unwrap();
-        controller.inputs_mut().enable = true;
+        let mut controller = enabled(config);
         controller.inputs_mut().available[3] = false;
         controller.refresh(&mut |_| {});
         for mut controller in [controller.clone(), controller] {

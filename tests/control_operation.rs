@@ -222,8 +222,7 @@ fn a_delayed_neighbour_is_seen_as_it_was_and_oneself_as_one_is() {
     let mut config = agent_model(2, 1.0, explicit(vec![edge(0, 1, 0.5)], vec![pin(1, 1.0)]), &start);
     config.delay_s = 0.25;
     config.discretisation = bess_consensus::control::config::Discretisation::Explicit;
-    let mut controller = Controller::new(config).unwrap();
-    controller.inputs_mut().enable = true;
+    let mut controller = enabled(config);
     let ramp = |t: f64| (1.0 + t, 1.0 - t);
     for k in 0..=10 {
         let t = k as f64 * 0.1;
@@ -274,8 +273,7 @@ fn a_million_agents() {
     edges.extend((0..n / 2).map(|i| edge(i, i + n / 2 - 7, random.within(0.3, 1.0))));
     let pins = (0..n).step_by(100).map(|i| pin(i, 1.0)).collect();
     let started = std::time::Instant::now();
-    let mut controller = Controller::new(Config::unit(n, explicit(edges, pins))).unwrap();
-    controller.inputs_mut().enable = true;
+    let mut controller = enabled(Config::unit(n, explicit(edges, pins)));
     println!("made in {:.1?}, {:?}", started.elapsed(), controller.spectrum().P.lambda);
     let inputs = controller.inputs_mut();
     (inputs.P, inputs.omega) = (random.values(n, 0.5, 1.5), random.values(n, 0.9, 1.1));

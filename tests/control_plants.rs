@@ -4,8 +4,8 @@
 
 mod control_support;
 
+use bess_consensus::control::Config;
 use bess_consensus::control::config::{Limits, SocLimits, VoltagePolicy};
-use bess_consensus::control::{Config, Controller};
 use control_support::*;
 use nalgebra::{DMatrix, DVector};
 
@@ -54,8 +54,7 @@ fn the_average_policy_shares_q_and_restores_the_mean_through_leaving_and_joining
         config.K_Q = vec![K_Q; n];
         config.voltage_policy = VoltagePolicy::Average;
         config.delay_s = delay_s;
-        let mut controller = Controller::new(config).unwrap();
-        controller.inputs_mut().enable = true;
+        let mut controller = enabled(config);
         let (h_ns, mut now_ns) = (20_000_000, 0);
         let mut run = |available: bool, steps: usize| {
             for _ in 0..steps {
@@ -90,8 +89,7 @@ fn powers_stay_within_their_limits_and_the_others_go_on() {
     P_max[2] = 0.6;
     config.limits = Limits { P_max: Some(P_max), ..Limits::default() };
     config.K_P = vec![0.01; n];
-    let mut controller = Controller::new(config).unwrap();
-    controller.inputs_mut().enable = true;
+    let mut controller = enabled(config);
     // A single-node grid: one frequency, the load shared by the droops; all SoC equal.
     let load = 5.0;
     for k in 0..20_000 {
@@ -118,8 +116,7 @@ fn the_exchange_respects_its_limits_edge_by_edge() {
     let run = |change: &dyn Fn(&mut Config), P: [f64; 4], E: [f64; 4]| {
         let mut config = Config::unit(n, explicit(edges.clone(), vec![pin(0, 1.0)]));
         change(&mut config);
-        let mut controller = Controller::new(config).unwrap();
-        controller.inputs_mut().enable = true;
+        let mut controller = enabled(config);
         let inputs = controller.inputs_mut();
         inputs.P.copy_from_slice(&P);
         inputs.E.copy_from_slice(&E);

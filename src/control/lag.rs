@@ -110,12 +110,14 @@ impl Lag {
                     *error = (*error - (later - past[i])).abs();
                     later = past[i];
                 }
-                let worst = errors.iter().copied().fold(0.0, f64::max);
-                let best = errors.iter().copied().fold(f64::INFINITY, f64::min);
+                let (worst, best) = errors.iter().fold((0.0, f64::INFINITY), |(worst, best), &error| {
+                    (if error > worst { error } else { worst }, if error < best { error } else { best })
+                });
                 // At rest and at constant speed all lags are alike: the one found is held.
                 if worst - best > ROUNDINGS * f64::EPSILON * (y.abs() + sigma.abs()) {
                     // As shares, so that one wild measurement weighs no more than another.
-                    missed.iter_mut().zip(errors).for_each(|(sum, error)| *sum += (error / worst).powi(2));
+                    let share = 1.0 / worst;
+                    missed.iter_mut().zip(errors).for_each(|(sum, error)| *sum += (error * share).powi(2));
                     weight += 1.0;
                 }
             }

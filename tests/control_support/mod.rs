@@ -161,6 +161,13 @@ pub fn agent_model(n: usize, eta: f64, communication: Communication, start: &Sam
     config
 }
 
+/// A controller that acts from its first step.
+pub fn enabled(config: Config) -> Controller {
+    let mut controller = Controller::new(config).unwrap();
+    controller.inputs_mut().enable = true;
+    controller
+}
+
 /// The agent model coupled with a controller: P, Q, E are integrators of the five inputs, omega and V
 /// follow the setpoints through unit droops. The power measured is P + P_set.
 #[derive(Clone)]
@@ -176,8 +183,7 @@ pub struct Loop {
 
 impl Loop {
     pub fn new(config: Config, start: &Sample) -> Self {
-        let mut controller = Controller::new(config).unwrap();
-        controller.inputs_mut().enable = true;
+        let controller = enabled(config);
         let mut coupled = Self {
             controller,
             plant: start.clone(),
