@@ -89,6 +89,10 @@ fn check_frame(scenario: &Scenario, origin: &str) -> Result<(), ScenarioError> {
         return wrong("bess".into(), "no battery".into(), "at least one");
     }
     for (i, bess) in scenario.bess.iter().enumerate() {
+        // Before the capacity, whose default divides by it.
+        if bess.k_p <= 0.0 {
+            return wrong(format!("bess[{i}].K_P"), bess.k_p.to_string(), "a number greater than 0");
+        }
         if !(0.0..=1.0).contains(&bess.soc_start) {
             return wrong(format!("bess[{i}].soc_start"), bess.soc_start.to_string(), "a number from 0 to 1");
         }
