@@ -172,3 +172,44 @@ fn a_scenario_written_out_and_read_again_resolves_to_the_same() {
     assert_eq!(first.control, second.control);
     assert_eq!(first.grid, second.grid);
 }
+
+#[test]
+fn a_scenario_extends_another_and_says_where_it_is_wrong() {
+    let of = |text: &str| document(text.to_owned());
+    let resolved =
+        of(r#"{"extends": "case1", "name": "mine", "control": {"gains": {"E": 0}}, "compare": null}"#)
+            .unwrap();
+    assert_eq!(
+        (resolved.control.agents(), resolved.control.gains.E, resolved.control.gains.P),
+        (7, 0.0, 1.0)
+    );
+    assert!(resolved.scenario.compare.is_empty() && resolved.scenario.extends.is_none());
+    says(of("{\"extends\": \"case1\",\n \"control\": {\"etta\": 1}}"), &["control", "etta", "line 2"]);
+    says(of("{\"extends\": \"case1\",\n \"stop_s\": \"long\"}"), &["stop_s", "line 2"]);
+    says(of(r#"{"extends": "case7"}"#), &["case7", "no such scenario"]);
+}
+
+#[test]
+fn scenarios_that_extend_each_other_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, base: &str| {
+        let file = folder.path().join(name);
+        std::fs::write(&file, format!("{{\"extends\": \"{base}\"}}")).unwrap();
+        file
+    };
+    let a = write("a.json", "b.json");
+    write("b.json", "a.json");
+    let error = Resolved::load(&a.to_string_lossy(), &Map::new()).map_err(|e| e.to_string());
+    says(error, &["b.json: extends: found a circle", "a.json extends", "does not come back"]);
+}
+
+#[test]
+fn every_built_in_scenario_resolves_with_its_variants() {
+    for (name, _) in scenario::BUILT_IN {
+        let resolved = Resolved::load(name, &Map::new()).map_err(|e| e.to_string()).unwrap();
+        assert_eq!(resolved.scenario.name, name);
+        for variant in &resolved.scenario.compare {
+            Resolved::of(&resolved.source, &variant.set).map_err(|e| format!("{name}: {e}")).unwrap();
+        }
+    }
+}

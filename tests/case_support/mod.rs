@@ -1,5 +1,5 @@
 //! A built-in scenario run in process, and what the tests of the cases read off it.
-#![allow(non_snake_case, clippy::unwrap_used, dead_code)]
+#![allow(non_snake_case, clippy::unwrap_used, clippy::panic, dead_code)]
 
 use bess_consensus::harness::{CONTROLLER, Cast, GRID, Memory, Participant, run, stage};
 use bess_consensus::scenario::Resolved;
