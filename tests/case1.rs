@@ -1,6 +1,6 @@
 #![cfg(feature = "host")]
 //! Case 1 on the AC network: how far frequency and sharing are off before each next event.
-#![allow(non_snake_case)]
+#![allow(non_snake_case, clippy::unwrap_used)]
 
 mod case_support;
 

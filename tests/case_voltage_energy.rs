@@ -1,6 +1,6 @@
 #![cfg(feature = "host")]
 //! Average voltage and energy balance on the AC network. Each test prints its figures (`-- --nocapture`).
-#![allow(non_snake_case)]
+#![allow(non_snake_case, clippy::unwrap_used)]
 
 mod case_support;
 

@@ -1,6 +1,6 @@
 #![cfg(feature = "host")]
 //! The built-in scenarios on the AC network, claim by claim. Each test prints its figures (`-- --nocapture`).
-#![allow(non_snake_case)]
+#![allow(non_snake_case, clippy::unwrap_used)]
 
 mod case_support;
 
