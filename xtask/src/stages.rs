@@ -14,6 +14,9 @@ use crate::{
 use clap::ValueEnum;
 use std::{io::IsTerminal, path::Path, process::ExitCode, time::Instant};
 
+/// The cases of the paper, each run and its report looked at.
+const CASES: [&str; 4] = ["case1", "case2", "case3", "case4"];
+
 /// One stage of the test run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Stage {
@@ -31,9 +34,9 @@ pub enum Stage {
     Fmu,
     /// The FMUs in FMPy, against the reference data
     Fmpy,
-    /// Case 1 through the harness
+    /// The cases of the paper through the harness
     Run,
-    /// The report of Case 1 in a browser without network
+    /// Their reports in a browser without network
     Browser,
 }
 
@@ -96,11 +99,11 @@ impl Stage {
                 test.env("BESS_RELEASE_DIR", workspace.release());
                 start(test.args(["-m", "pytest", "-ra", "tests/fmpy"]).args(pytest))
             }
-            Stage::Run => scenario::run(workspace, Path::new("case1"), &[]),
-            Stage::Browser => {
-                let report = Path::new(&scenario::results(Path::new("case1"))?).join("report.html");
+            Stage::Run => CASES.iter().try_for_each(|case| scenario::run(workspace, Path::new(case), &[])),
+            Stage::Browser => CASES.iter().try_for_each(|case| {
+                let report = Path::new(&scenario::results(Path::new(case))?).join("report.html");
                 start(command(workspace, "python3").arg("tests/browser/check_report.py").arg(report))
-            }
+            }),
         }
     }
 }
