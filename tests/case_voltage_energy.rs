@@ -89,8 +89,9 @@ fn nobody_is_made_to_charge_by_the_exchange() {
     let free = scenario("energy", &[stop, load, ("control.no_circulation", "false")]);
     println!("lowest power: {:.3} pu with the rule, {:.3} pu without", lowest(&ruled), lowest(&free));
     assert!(lowest(&free) < -0.05, "then the rule had nothing to do");
-    // The rule looks at the measured share, which lags behind a moving P_set by the power filter.
-    assert!(lowest(&ruled) > -0.01);
+    // The rule looks at the measured share. It may be late by what P_set moves (0.05 pu/s here) in three time
+    // constants of the power filter, 0.1 s.
+    assert!(lowest(&ruled) > -0.005);
 }
 
 #[test]

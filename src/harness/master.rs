@@ -13,7 +13,7 @@ use super::participant::{CallError, Participant};
 use super::plan::{Algorithm, Plan, Setting, check_fixed_steps, check_times};
 use super::schedule::Schedule;
 use super::slave::seconds;
-use super::wiring::{Values, Wiring, WriteError};
+use super::wiring::{Port, Values, Wiring, WriteError};
 use std::time::{Duration, Instant};
 
 /// What happened.
@@ -210,7 +210,8 @@ impl Run {
             stepped.map_err(|source| failed(participant.as_ref(), t_ns, source))?;
             mark(&mut self.is_stale, index, true);
             if self.algorithm == Algorithm::GaussSeidel {
-                self.read_one(participants, index)?;
+                self.read_one(participants, index, Port::read)?;
+                mark(&mut self.is_stale, index, false);
             }
         }
         Ok(())
@@ -224,52 +225,41 @@ impl Run {
             if index > 0 {
                 self.write(participants, index)?;
             }
-            self.read_sources(participants, index)?;
+            self.read_one(participants, index, Port::read_sources)?;
         }
         for index in 0..participants.len() {
-            if self.write(participants, index)? {
-                mark(&mut self.is_stale, index, true);
-            }
+            self.write(participants, index)?;
         }
         self.read(participants)
     }
 
-    fn read_sources(
-        &mut self,
-        participants: &mut [Box<dyn Participant>],
-        index: usize,
-    ) -> Result<(), HarnessError> {
-        let t_ns = self.schedule.now_ns();
-        let (Some(participant), Some(port)) = (participants.get_mut(index), self.wiring.ports.get_mut(index))
-        else {
-            return Ok(());
-        };
-        let read = port.read_sources(participant.as_mut(), &mut self.values);
-        read.map_err(|source| failed(participant.as_ref(), t_ns, source))
-    }
-
+    /// Reads all outputs of those whose values are stale.
     fn read(&mut self, participants: &mut [Box<dyn Participant>]) -> Result<(), HarnessError> {
-        (0..participants.len()).try_for_each(|index| self.read_one(participants, index))
+        for index in 0..participants.len() {
+            if self.is_stale.get(index) == Some(&true) {
+                self.read_one(participants, index, Port::read)?;
+                mark(&mut self.is_stale, index, false);
+            }
+        }
+        Ok(())
     }
 
     fn read_one(
         &mut self,
         participants: &mut [Box<dyn Participant>],
         index: usize,
+        read: fn(&mut Port, &mut dyn Participant, &mut [f64]) -> Result<(), CallError>,
     ) -> Result<(), HarnessError> {
         let t_ns = self.schedule.now_ns();
         let (Some(participant), Some(port)) = (participants.get_mut(index), self.wiring.ports.get_mut(index))
         else {
             return Ok(());
         };
-        if self.is_stale.get(index) == Some(&true) {
-            let read = port.read(participant.as_mut(), &mut self.values);
-            read.map_err(|source| failed(participant.as_ref(), t_ns, source))?;
-            mark(&mut self.is_stale, index, false);
-        }
-        Ok(())
+        read(port, participant.as_mut(), &mut self.values)
+            .map_err(|source| failed(participant.as_ref(), t_ns, source))
     }
 
+    /// Sets the connected inputs where one is new, whose outputs are then stale; says whether.
     fn write(
         &mut self,
         participants: &mut [Box<dyn Participant>],
@@ -280,7 +270,7 @@ impl Run {
         else {
             return Ok(false);
         };
-        port.write(participant.as_mut(), &self.values).map_err(|error| match error {
+        let is_new = port.write(participant.as_mut(), &self.values).map_err(|error| match error {
             WriteError::Call(source) => failed(participant.as_ref(), t_ns, source),
             WriteError::Conversion { column, to, found, expected } => HarnessError::Conversion {
                 from: self.wiring.columns.get(column).map_or_else(String::new, |column| column.label()),
@@ -289,7 +279,11 @@ impl Run {
                 expected,
                 time_s: seconds(t_ns),
             },
-        })
+        })?;
+        if is_new {
+            mark(&mut self.is_stale, index, true);
+        }
+        Ok(is_new)
     }
 }
 
