@@ -1,5 +1,5 @@
-//! The virtual environment for the tests in Python: made under the target folder from pinned, hashed
-//! requirements, and made anew when those or the interpreter change.
+//! The virtual environments for the tests in Python: each made under the target folder from the pinned,
+//! hashed requirements of its tests, and made anew when those or the interpreter change.
 
 use crate::{
     error::Failure,
@@ -8,16 +8,14 @@ use crate::{
 };
 use std::path::PathBuf;
 
-/// The pinned packages, from the workspace root.
-const REQUIREMENTS: &str = "tests/fmpy/requirements.txt";
-
-/// The interpreter of the virtual environment, with everything installed.
-pub fn environment(workspace: &Workspace) -> Result<PathBuf, Failure> {
-    let folder = workspace.target.join("venv");
+/// The interpreter of the virtual environment for `tests/SUITE`, with everything installed that
+/// `tests/SUITE/requirements.txt` pins. Suites are apart, because the masters ask for packages that clash.
+pub fn environment(workspace: &Workspace, suite: &str) -> Result<PathBuf, Failure> {
+    let folder = workspace.target.join("venv").join(suite);
     let python = folder.join("bin/python");
     let stamp = folder.join("made-from.txt");
 
-    let requirements = workspace.root.join(REQUIREMENTS);
+    let requirements = workspace.root.join("tests").join(suite).join("requirements.txt");
     let pinned = std::fs::read_to_string(&requirements).map_err(Failure::file("read", &requirements))?;
     let interpreter = "import sys; print(sys.base_prefix, sys.version)";
     let wanted = format!("{}\n{pinned}", output(command(workspace, "python3").args(["-c", interpreter]))?);
@@ -28,7 +26,7 @@ pub fn environment(workspace: &Workspace) -> Result<PathBuf, Failure> {
     run(command(workspace, "python3").args(["-m", "venv", "--clear"]).arg(&folder))?;
     let mut pip = command(workspace, &python);
     pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-input"]);
-    run(pip.args(["--only-binary=:all:", "--require-hashes", "-r", REQUIREMENTS]))?;
+    run(pip.args(["--only-binary=:all:", "--require-hashes", "-r"]).arg(&requirements))?;
     // Written last: half an installation is made anew.
     std::fs::write(&stamp, wanted).map_err(Failure::file("write", &stamp))?;
     Ok(python)

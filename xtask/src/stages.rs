@@ -93,7 +93,7 @@ impl Stage {
             Stage::Bindings => bindings::check(workspace),
             Stage::Fmu => fmu::build_and_pack(workspace),
             Stage::Fmpy => {
-                let python = python::environment(workspace)?;
+                let python = python::environment(workspace, "fmpy")?;
                 let mut test = command(workspace, python);
                 // Where the built `bess` and the libraries are, for the tests that look at them.
                 test.env("BESS_RELEASE_DIR", workspace.release());
