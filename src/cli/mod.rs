@@ -34,7 +34,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Write an FMU for a scenario
+    /// Write an FMU for a scenario, or both FMUs connected (.ssp)
     Export(export::ExportArgs),
     /// Couple controller and grid, simulate, and leave trajectory.csv, summary.json and report.html
     Run(run::RunArgs),

@@ -1,7 +1,9 @@
-//! The `.fmu` archives: model description, shared library, resources, licence, put together for one scenario.
+//! The `.fmu` archives: model description, shared library, resources, licence, put together for one scenario;
+//! and the `.ssp` archive of both, connected.
 #![forbid(unsafe_code)]
 
 mod archive;
+mod system;
 
 use crate::fmi::lookup::RegistryError;
 use crate::fmi::{Interface, Model, ModelError, model_description};
@@ -9,6 +11,8 @@ use crate::models::{Controller, Grid};
 use crate::scenario::Resolved;
 use archive::Entries;
 use std::path::{Path, PathBuf};
+
+pub use system::{SystemError, write_system};
 
 /// Why an archive was not written.
 #[derive(Debug, thiserror::Error)]
@@ -49,6 +53,9 @@ pub enum PackageError {
     /// The model's variables do not make an interface.
     #[error(transparent)]
     Interface(#[from] RegistryError),
+    /// The scenario's values or connections do not fit the FMUs.
+    #[error(transparent)]
+    System(#[from] SystemError),
 }
 
 /// FMI 2.0 name of the platform that this program runs on.
@@ -70,25 +77,56 @@ pub fn library_file_name(identifier: &str) -> String {
 }
 
 /// Writes `BessConsensus.fmu` for a scenario.
-pub fn write_controller(path: &Path, resolved: &Resolved, libraries: &Path) -> Result<(), PackageError> {
-    let resource = Controller::resource(resolved);
-    let json = resource.to_json()?;
-    write(path, &Controller::new(resource)?, (Controller::RESOURCE, json), libraries)
+pub fn write_controller(
+    path: &Path,
+    resolved: &Resolved,
+    interface: Interface,
+    libraries: &Path,
+) -> Result<(), PackageError> {
+    archive::write(path, &controller(resolved, interface, libraries)?.1)
 }
 
 /// Writes `BessGrid.fmu` for a scenario.
-pub fn write_grid(path: &Path, resolved: &Resolved, libraries: &Path) -> Result<(), PackageError> {
-    let resource = Grid::resource(resolved);
-    let json = resource.to_json()?;
-    write(path, &Grid::new(resource)?, (Grid::RESOURCE, json), libraries)
-}
-
-fn write<M: Model>(
+pub fn write_grid(
     path: &Path,
-    model: &M,
-    (resource, json): (&str, Vec<u8>),
+    resolved: &Resolved,
+    interface: Interface,
     libraries: &Path,
 ) -> Result<(), PackageError> {
+    archive::write(path, &grid(resolved, interface, libraries)?.1)
+}
+
+fn controller(
+    resolved: &Resolved,
+    interface: Interface,
+    libraries: &Path,
+) -> Result<(Controller, Entries), PackageError> {
+    let resource = Controller::resource(resolved);
+    let json = resource.to_json()?;
+    let model = Controller::new(resource)?;
+    let entries = entries(&model, interface, (Controller::RESOURCE, json), libraries)?;
+    Ok((model, entries))
+}
+
+fn grid(
+    resolved: &Resolved,
+    interface: Interface,
+    libraries: &Path,
+) -> Result<(Grid, Entries), PackageError> {
+    let resource = Grid::resource(resolved);
+    let json = resource.to_json()?;
+    let model = Grid::new(resource)?;
+    let entries = entries(&model, interface, (Grid::RESOURCE, json), libraries)?;
+    Ok((model, entries))
+}
+
+/// What an `.fmu` holds.
+fn entries<M: Model>(
+    model: &M,
+    interface: Interface,
+    (resource, json): (&str, Vec<u8>),
+    libraries: &Path,
+) -> Result<Entries, PackageError> {
     let library = libraries.join(library_file_name(M::IDENTIFIER));
     if !library.is_file() {
         return Err(PackageError::NoLibrary { file: library });
@@ -96,16 +134,12 @@ fn write<M: Model>(
     let bytes =
         std::fs::read(&library).map_err(|cause| PackageError::Read { file: library.clone(), cause })?;
     let name = format!("{}{}", M::IDENTIFIER, std::env::consts::DLL_SUFFIX);
-    let entries: Entries = [
-        (
-            "modelDescription.xml".to_owned(),
-            model_description::write(model, Interface::Structured)?.into_bytes(),
-        ),
+    Ok([
+        ("modelDescription.xml".to_owned(), model_description::write(model, interface)?.into_bytes()),
         (format!("binaries/{PLATFORM}/{name}"), bytes),
         (format!("resources/{resource}"), json),
         ("documentation/licenses/LICENSE-MIT".to_owned(), include_bytes!("../../LICENSE-MIT").to_vec()),
         ("documentation/licenses/LICENSE-APACHE".to_owned(), include_bytes!("../../LICENSE-APACHE").to_vec()),
     ]
-    .into();
-    archive::write(path, &entries)
+    .into())
 }
