@@ -4,6 +4,7 @@
 #![allow(non_snake_case)]
 
 mod bounds;
+mod certified;
 mod cluster;
 mod export;
 mod run;
