@@ -14,13 +14,16 @@ impl Controller {
     pub(super) fn advance(&mut self, start_ns: i64, duration_ns: i64) {
         let h_s = seconds(duration_ns);
         self.learn();
+        // What is remembered of this sample are the transfers before the step.
+        self.scratch.transfers.copy_from_slice(&self.state.transfers);
         if self.state.adopted.enable {
-            self.integrate(h_s);
+            self.integrate(h_s, duration_ns);
         }
         let (state, scratch) = (&mut self.state, &self.scratch);
         state.filtered.copy_from_slice(&scratch.filtered);
         state.received_ns.copy_from_slice(&scratch.received_ns);
-        state.history.push(start_ns, &scratch.signals);
+        state.history.push(start_ns, &scratch.signals, &state.transfers);
+        state.transfers.copy_from_slice(&scratch.transfers);
         state.clock = Clock {
             now_ns: start_ns.saturating_add(duration_ns),
             sampled_ns: start_ns,
@@ -48,9 +51,9 @@ impl Controller {
     }
 
     /// d omega_set/dt = u_omega, dV_set/dt = u_V (5); P_set from the exchange; vbar from its flows.
-    fn integrate(&mut self, h_s: f64) {
+    fn integrate(&mut self, h_s: f64, h_ns: i64) {
         let average = self.flow(self.state.parameters.gain_V, &self.state.lags.voltage, h_s);
-        let (state, scratch, live) = (&mut self.state, &self.scratch, &self.topology.live);
+        let (state, scratch, live) = (&mut self.state, &mut self.scratch, &self.topology.live);
         let outputs = &mut state.outputs;
         for i in 0..live.len() {
             if live[i] {
@@ -69,7 +72,8 @@ impl Controller {
         }
         if state.parameters.voltage_policy == VoltagePolicy::Average {
             let (history, signals) = (&state.history, &scratch.signals);
-            estimator::advance(&self.network, history, signals, &average, h_s, &mut state.transfers);
+            let (before, after) = (&state.transfers, &mut scratch.transfers);
+            estimator::advance(&self.network, history, signals, &average, h_ns, before, after);
         }
     }
 }
