@@ -5,7 +5,7 @@ use super::certificates::{FixedTime, settling_time, weight_exponents};
 use super::config::{Law, VoltagePolicy};
 use super::controller::Controller;
 use super::event::Event;
-use super::exchange::{carry_over, hold};
+use super::exchange::{carry_over, hand_over};
 use super::network::Network;
 use super::spectrum::{Eigenvalue, Method, smallest};
 use super::time::nanoseconds;
@@ -64,6 +64,7 @@ impl Controller {
         let (inputs, adopted) = (&self.state.inputs, &mut self.state.adopted);
         if adopted.enable != inputs.enable {
             adopted.enable = inputs.enable;
+            self.state.fade_left_ns = nanoseconds(self.fixed.exchange_fade_s);
             events(if inputs.enable { Event::Enabled } else { Event::Disabled });
         }
         let mut changed = false;
@@ -123,15 +124,10 @@ impl Controller {
 
     fn carry(&mut self, before: &Network) {
         let state = &mut self.state;
-        hold(&mut state.held, before, &state.flows, &self.topology.live);
-        let fresh = vec![0.0; self.network.graph.edges().len()];
-        state.flows = if state.flows.is_empty() {
-            fresh.clone()
-        } else {
-            carry_over(before, &self.network, 1, &state.flows, 0.0)
-        };
+        state.flows = hand_over(&mut state.held, before, &self.network, &state.flows);
+        state.fade_left_ns = nanoseconds(self.fixed.exchange_fade_s);
         state.transfers = if state.transfers.is_empty() {
-            fresh
+            vec![0.0; self.network.graph.edges().len()]
         } else {
             carry_over(before, &self.network, 1, &state.transfers, 0.0)
         };

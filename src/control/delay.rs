@@ -20,10 +20,12 @@ pub enum Quantity {
     Soc,
     /// The estimate of the mean voltage, pu.
     MeanV,
+    /// P_i - P_set_i, slow enough not to show the exchange's own moves, pu.
+    Share,
 }
 
 /// Number of quantities.
-const QUANTITIES: usize = 6;
+const QUANTITIES: usize = 7;
 /// The slot number of the present values, which are not in the ring yet.
 const PRESENT: u32 = u32::MAX;
 /// Upper bound of the stored values of all slots together; the number of slots follows from it.

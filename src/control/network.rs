@@ -122,16 +122,12 @@ impl Network {
         history: &History,
         (quantity, x): (Quantity, &[f64]),
         flow: &Flow,
-        room: Option<Room<'_>>,
         out: &mut [f64],
     ) {
         for (e, edge) in self.graph.edges().iter().enumerate() {
             let (a, b) = edge.ends();
             let known = self.known.get(e).copied().unwrap_or([Bracket::NOW; 2]);
-            let along = |d: f64| {
-                let f = flow.along(edge.weight, d, self.shares[e]);
-                room.map_or(f, |room| f * room.along(a, b, f))
-            };
+            let along = |d: f64| flow.along(edge.weight, d, self.shares[e]);
             if known == [Bracket::NOW; 2] {
                 let f = along(x[a] - x[b]);
                 out[a] -= f;
@@ -176,20 +172,5 @@ impl Network {
             None => (present[e], 0),
             Some(&Agreed { at, age_ns }) => (history.transfer(at, e, present), age_ns),
         }
-    }
-}
-
-/// How much of a flow each agent may still take part in, from 1 (free) to 0 (at its limit).
-#[derive(Clone, Copy, Debug)]
-pub struct Room<'a> {
-    /// Room to rise, by agent.
-    pub up: &'a [f64],
-    /// Room to fall, by agent.
-    pub down: &'a [f64],
-}
-
-impl Room<'_> {
-    fn along(&self, a: usize, b: usize, f: f64) -> f64 {
-        if f > 0.0 { self.down[a].min(self.up[b]) } else { self.up[a].min(self.down[b]) }
     }
 }
