@@ -1,7 +1,8 @@
-//! The `.fmu` archives: model description, shared library, resources, licence, put together for one scenario.
+//! The `.fmu` archives: model description, shared library, resources, documentation, put together for one scenario.
 #![forbid(unsafe_code)]
 
 mod archive;
+mod documentation;
 
 use crate::fmi::lookup::RegistryError;
 use crate::fmi::{Interface, Model, ModelError, model_description};
@@ -73,20 +74,27 @@ pub fn library_file_name(identifier: &str) -> String {
 pub fn write_controller(path: &Path, resolved: &Resolved, libraries: &Path) -> Result<(), PackageError> {
     let resource = Controller::resource(resolved);
     let json = resource.to_json()?;
-    write(path, &Controller::new(resource)?, (Controller::RESOURCE, json), libraries)
+    write(
+        path,
+        &Controller::new(resource)?,
+        (Controller::RESOURCE, json),
+        &documentation::CONTROLLER,
+        libraries,
+    )
 }
 
 /// Writes `BessGrid.fmu` for a scenario.
 pub fn write_grid(path: &Path, resolved: &Resolved, libraries: &Path) -> Result<(), PackageError> {
     let resource = Grid::resource(resolved);
     let json = resource.to_json()?;
-    write(path, &Grid::new(resource)?, (Grid::RESOURCE, json), libraries)
+    write(path, &Grid::new(resource)?, (Grid::RESOURCE, json), &documentation::GRID, libraries)
 }
 
 fn write<M: Model>(
     path: &Path,
     model: &M,
     (resource, json): (&str, Vec<u8>),
+    papers: &documentation::Papers,
     libraries: &Path,
 ) -> Result<(), PackageError> {
     let library = libraries.join(library_file_name(M::IDENTIFIER));
@@ -96,16 +104,15 @@ fn write<M: Model>(
     let bytes =
         std::fs::read(&library).map_err(|cause| PackageError::Read { file: library.clone(), cause })?;
     let name = format!("{}{}", M::IDENTIFIER, std::env::consts::DLL_SUFFIX);
-    let entries: Entries = [
+    let mut entries: Entries = [
         (
             "modelDescription.xml".to_owned(),
             model_description::write(model, Interface::Structured)?.into_bytes(),
         ),
         (format!("binaries/{PLATFORM}/{name}"), bytes),
         (format!("resources/{resource}"), json),
-        ("documentation/licenses/LICENSE-MIT".to_owned(), include_bytes!("../../LICENSE-MIT").to_vec()),
-        ("documentation/licenses/LICENSE-APACHE".to_owned(), include_bytes!("../../LICENSE-APACHE").to_vec()),
     ]
     .into();
+    entries.extend(documentation::entries(model, Interface::Structured, papers)?);
     archive::write(path, &entries)
 }
