@@ -78,7 +78,8 @@ pub fn dynamics(name: &str, options: &Options) -> Result<String, String> {
     }
     let total_s = begin.elapsed().as_secs_f64();
     let omega: Vec<f64> = (0..model.n()).map(|i| model.omega(i)).collect();
-    let spread = omega.iter().copied().fold(f64::MIN, f64::max) - omega.iter().copied().fold(f64::MAX, f64::min);
+    let spread =
+        omega.iter().copied().fold(f64::MIN, f64::max) - omega.iter().copied().fold(f64::MAX, f64::min);
     let result = json!({
         "buses": model.n_bus(), "bess": model.n(), "dense": model.is_dense(), "new_s": new_s,
         "initialise_s": initialise_s, "real_time": seconds / total_s, "internal_steps": internal,

@@ -60,7 +60,12 @@ impl Network {
         let shares =
             graph.edges().iter().map(|e| share(graph.degree(e.a as usize).max(graph.degree(e.b as usize))));
         let pins = graph.pins().iter().enumerate().filter(|&(_, &weight)| weight > 0.0);
-        let pins = pins.map(|(agent, &weight)| Pin { agent, weight, share: share(graph.degree(agent)), delay_ns: 0 });
+        let pins = pins.map(|(agent, &weight)| Pin {
+            agent,
+            weight,
+            share: share(graph.degree(agent)),
+            delay_ns: 0,
+        });
         let peers = |e: &Edge| f64::from(graph.peers(e.a as usize).max(graph.peers(e.b as usize)));
         let round_shares = graph.edges().iter().map(|e| 1.0 / (0.5 + peers(e))).collect();
         let (shares, pins) = (shares.collect(), pins.collect());
@@ -162,7 +167,9 @@ impl Network {
         let (a, b) = self.graph.edges()[e].ends();
         match self.agreed.get(e) {
             None => (x[a], x[b]),
-            Some(&Agreed { at, .. }) => (history.value(at, quantity, a, x), history.value(at, quantity, b, x)),
+            Some(&Agreed { at, .. }) => {
+                (history.value(at, quantity, a, x), history.value(at, quantity, b, x))
+            }
         }
     }
 
