@@ -20,8 +20,12 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let done = match words.as_slice() {
-        ["power-flow", case, options @ ..] => support::options(options).and_then(|o| support::power_flow(case, &o)),
-        ["dynamics", case, options @ ..] => support::options(options).and_then(|o| support::dynamics(case, &o)),
+        ["power-flow", case, options @ ..] => {
+            support::options(options).and_then(|o| support::power_flow(case, &o))
+        }
+        ["dynamics", case, options @ ..] => {
+            support::options(options).and_then(|o| support::dynamics(case, &o))
+        }
         _ => Err(USAGE.to_owned()),
     };
     match done {
