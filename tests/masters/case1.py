@@ -27,9 +27,10 @@ EVENTS = [
     (15.0, "grid", "dQ_load[12]", -0.5),
 ]
 
-# The outputs that are looked at after each step.
+# What is looked at after each step: outputs, and two inputs of the controller as it has them.
+INPUTS = ["omega[1]", "P[1]"]
 OBSERVED = {
-    "controller": [f"{q}[{i}]" for q in ("omega_set", "P_set") for i in AGENTS] + ["spread_P"],
+    "controller": [f"{q}[{i}]" for q in ("omega_set", "P_set") for i in AGENTS] + ["spread_P", *INPUTS],
     "grid": [f"{q}[{i}]" for q in ("omega", "V", "P", "Q") for i in AGENTS],
 }
 K_P = [0.004, 0.0048, 0.005, 0.0036, 0.0038, 0.00408, 0.0044]
@@ -45,11 +46,16 @@ def portable(name):
     return name.replace("[", "_").replace("]", "")
 
 
-def fmus():
-    """The command line of all these scripts: the folder of the FMUs."""
+def command_line():
+    """What all these scripts understand: the folder of the FMUs."""
     parser = argparse.ArgumentParser(description=sys.modules["__main__"].__doc__)
     parser.add_argument("fmus", nargs="?", default="fmu", type=pathlib.Path, help="folder of the FMUs [default: fmu]")
-    return parser.parse_args().fmus.resolve()
+    return parser
+
+
+def fmus():
+    """The folder of the FMUs."""
+    return command_line().parse_args().fmus.resolve()
 
 
 def variables(fmu):
@@ -70,7 +76,7 @@ class Journal:
         self.begin = time.perf_counter()
 
     def add(self, controller, grid):
-        """The values of OBSERVED["controller"] and OBSERVED["grid"] right after a step."""
+        """The values of OBSERVED["controller"] and OBSERVED["grid"] right after a step; None for what cannot be seen."""
         self.rows["controller"].append(controller)
         self.rows["grid"].append(grid)
 
@@ -95,26 +101,33 @@ class Journal:
     def delay(self):
         """How many steps late the controller measures what its setpoints do; None if that cannot be told.
 
-        Both ways show in the outputs. The frequency of the grid at no load, omega + K_P P, is omega_set + K_P P_set
-        of some steps ago (there); the controller's spread_P is the spread of the grid's K_P P of some steps ago
-        (back; P_set is 0 here). Outputs are looked at after a step, therefore without any delay the sum is 1.
+        The frequency at no load, omega + K_P P, is that of the setpoints, omega_set + K_P P_set, some steps ago, and
+        in the step that the controller makes next it should be the present one: delay 0. Whether the inputs that are
+        seen after a step are those of this step or of the next already, P tells: it is a state of the grid.
         """
         controller, grid = self.column("controller"), self.column("grid")
         first = round(self.moving_from / STEP) + 10
         rows = range(first, first + 100)
 
-        def lag(seen, caused):
-            fits = (k for k in range(6) if all(abs(seen(n) - caused(n - k)) < 1e-12 for n in rows))
+        def lag(late, early):
+            fits = (k for k in range(6) if all(abs(late(n) - early(n - k)) < 1e-12 for n in rows))
             return next(fits, None)
 
-        there = lag(
-            lambda n: grid["omega[1]"][n] + K_P[0] * grid["P[1]"][n],
-            lambda n: controller["omega_set[1]"][n] + K_P[0] * controller["P_set[1]"][n],
-        )
+        def commanded(n):
+            return controller["omega_set[1]"][n] + K_P[0] * controller["P_set[1]"][n]
+
+        def measured(fmu):
+            omega, P = fmu["omega[1]"], fmu["P[1]"]
+            return lambda n: omega[n] + K_P[0] * P[n]
 
         def spread(n):
             scaled = [K * grid[f"P[{i}]"][n] for i, K in zip(AGENTS, K_P)]
             return max(scaled) - min(scaled)
 
-        back = lag(lambda n: controller["spread_P"][n], spread)
+        if None not in controller["omega[1]"]:
+            whole = lag(measured(controller), commanded)
+            step_made = lag(lambda n: controller["P[1]"][n], lambda n: grid["P[1]"][n])
+            return None if None in (whole, step_made) else whole - min(step_made, 1)
+        # Where inputs cannot be seen: the way there, and back by an output that follows P at once.
+        there, back = lag(measured(grid), commanded), lag(lambda n: controller["spread_P"][n], spread)
         return None if None in (there, back) else there + back - 1

@@ -4,7 +4,6 @@
 import importlib.metadata
 import json
 import pathlib
-import sys
 import tempfile
 
 from case1 import EVENTS, MEASUREMENTS, OBSERVED, SETPOINTS, STEP, STEPS, Journal, fmus, portable, variables
@@ -56,10 +55,8 @@ with tempfile.TemporaryDirectory() as scratch:
     journal = Journal()
     for _ in range(STEPS):
         coordinator.do_step(STEP)
-    results = coordinator.get_results()
-    columns = {fmu: [results[fmu, portable(name)] for name in OBSERVED[fmu]] for fmu in OBSERVED}
-    for controller, grid in zip(zip(*columns["controller"]), zip(*columns["grid"])):
-        journal.add(controller, grid)
+        # get_results() holds all outputs of all steps; inputs are seen one by one.
+        values = {fmu: [coordinator.get_variable((fmu, portable(name)))[0] for name in OBSERVED[fmu]] for fmu in files}
+        journal.add(**values)
 
 journal.report("CoFmuPy", importlib.metadata.version("cofmupy"))
-sys.stdout.flush()

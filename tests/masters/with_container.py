@@ -8,10 +8,12 @@ import subprocess
 import sysconfig
 import tempfile
 
-from case1 import OBSERVED, STEP, STEPS, Journal, events_at, fmus
+from case1 import INPUTS, OBSERVED, STEP, STEPS, Journal, events_at, fmus
 from slave import Slave
 
 FILES = {"controller": "BessConsensus.fmu", "grid": "BessGrid.fmu"}
+# The inputs of the controller are inside the container; nobody sees them.
+SEEN = {fmu: [name for name in names if fmu == "grid" or name not in INPUTS] for fmu, names in OBSERVED.items()}
 
 
 def tool(name, *arguments):
@@ -38,7 +40,7 @@ def pack(folder, scratch):
         "auto_link": True,
         "auto_input": True,
         "auto_output": False,
-        "output": [[FILES[fmu], name, f"{fmu}.{name}"] for fmu in FILES for name in OBSERVED[fmu]],
+        "output": [[FILES[fmu], name, f"{fmu}.{name}"] for fmu in FILES for name in SEEN[fmu]],
     }
     file = scratch / "container.json"
     file.write_text(json.dumps(description))
@@ -57,6 +59,7 @@ with tempfile.TemporaryDirectory() as scratch:
         for _, name, value in events_at(k):
             system.set([name], [value])
         system.step(k, STEP)
-        journal.add(*(system.get([f"{fmu}.{name}" for name in OBSERVED[fmu]]) for fmu in ("controller", "grid")))
+        controller, grid = (system.get([f"{fmu}.{name}" for name in SEEN[fmu]]) for fmu in FILES)
+        journal.add(controller + [None] * len(INPUTS), grid)
     journal.report("fmu-manipulation-toolbox", importlib.metadata.version("fmu-manipulation-toolbox"))
     system.close()
