@@ -96,3 +96,13 @@ def test_a_portable_fmu_has_c_identifiers_and_reals_only(fmus, name):
     for (number, kind, causality, _), (same_number, _, same_causality, _) in zip(found.values(), twin.values()):
         assert (number, kind, causality) == (same_number, "Real", same_causality)
     assert all(name.isidentifier() for name in found)
+
+
+def test_the_excerpts_in_the_documentation_are_tested_code():
+    """Each block of Python in docs/masters.md stands word for word in a script that runs here."""
+    text = (HERE.parents[1] / "docs/masters.md").read_text()
+    blocks = [block.split("```")[0] for block in text.split("```python\n")[1:]]
+    scripts = {script.name: script.read_text() for script in HERE.glob("*with_*.py")}
+    assert len(blocks) >= 9
+    for block in blocks:
+        assert any(block in script for script in scripts.values()), block
