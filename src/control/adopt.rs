@@ -2,7 +2,7 @@
 //! and the eigenvalues. Runs between steps; this is where memory is allocated.
 
 use super::certificates::{FixedTime, settling_time, weight_exponents};
-use super::config::Law;
+use super::config::{Law, VoltagePolicy};
 use super::controller::Controller;
 use super::event::Event;
 use super::exchange::{carry_over, hand_over};
@@ -115,6 +115,7 @@ impl Controller {
         self.network = Network::new(std::mem::take(&mut topology.graph));
         let edges = self.network.graph.edges().len();
         self.scratch.flows = vec![0.0; edges];
+        self.scratch.transfers = vec![0.0; edges];
         self.scratch.received_ns = vec![i64::MIN; if self.fixed.channel.is_lossy() { 2 * edges } else { 0 }];
         self.state.outputs.cluster.copy_from_slice(&topology.cluster);
         self.spectrum.tuning = None;
@@ -130,6 +131,9 @@ impl Controller {
         } else {
             carry_over(before, &self.network, 1, &state.transfers, 0.0)
         };
+        state
+            .history
+            .carry_transfers(|per_edge, past| carry_over(before, &self.network, per_edge, past, 0.0));
         state.received_ns = match carry_over(before, &self.network, 2, &state.received_ns, i64::MIN) {
             kept if kept.is_empty() => self.scratch.received_ns.clone(),
             kept => kept,
@@ -172,6 +176,9 @@ impl Controller {
         self.network.set_delay(nanoseconds(tuning.delay), &self.fixed.channel);
         let horizon_ns = self.network.longest_delay_ns() + self.fixed.channel.horizon_ns();
         self.state.history.reach(horizon_ns);
+        if self.state.parameters.voltage_policy == VoltagePolicy::Average {
+            self.state.history.keep_transfers(self.network.graph.edges().len());
+        }
         self.spectrum = Spectrum {
             P: self.tie(tuning.gain_P, tuning.eta, tuning.dispatch),
             omega: self.tie(tuning.gain_omega, tuning.eta, true),

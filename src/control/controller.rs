@@ -51,6 +51,8 @@ pub(super) struct Scratch {
     pub signals: Signals,
     pub filtered: Vec<f64>,
     pub flows: Vec<f64>,
+    /// z_ij after the step.
+    pub transfers: Vec<f64>,
     pub received_ns: Vec<i64>,
     pub P_set: Vec<f64>,
     /// Room to rise and to fall in P, then in Q.

@@ -52,10 +52,13 @@ pub fn voltage(view: View<'_>, flow: &Flow, u_Q: &[f64], V_ref: f64, u_V: &mut [
     view.network.pull(view.signals.of(Quantity::V), V_ref, flow, u_V);
 }
 
-/// (13) for the average voltage: u_V_i = u_Q_i - a_0i s(vbar_i - V_ref), pu/s; vbar_i from `estimator`.
+/// (13) for the average voltage: u_V_i = u_Q_i - a_0i s(vbar_i - V_ref), pu/s; vbar_i from `estimator`. An agent's
+/// own voltage moves its estimate at once and by its full size, though it is one of n: what the neighbours take
+/// of it shows after tau. A pull that does not wait for that holds the estimate of the leader instead of the
+/// mean, and two leaders hold each other: the law is also capped at abs(vbar_i - V_ref) / tau.
 pub fn average_voltage(view: View<'_>, flow: &Flow, u_Q: &[f64], V_ref: f64, u_V: &mut [f64]) {
     u_V.copy_from_slice(u_Q);
-    view.network.pull(view.signals.of(Quantity::MeanV), V_ref, flow, u_V);
+    view.network.pull_by_rounds(view.signals.of(Quantity::MeanV), V_ref, flow, u_V);
 }
 
 /// (11): u_E_i = -P_set_i / (3600 C_i), 1/s: the rate of SoC that the power exchange of `exchange`

@@ -170,6 +170,9 @@ impl State {
         length(&mut problems, "flows", self.flows.len(), edges);
         length(&mut problems, "transfers", self.transfers.len(), edges);
         length(&mut problems, "received_ns", self.received_ns.len(), received);
+        if !self.history.transfers_fit(edges) {
+            problems.add("history", "transfers that do not fit", format!("finite ones of {edges} edges"));
+        }
         problems.into_result()
     }
 }

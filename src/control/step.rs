@@ -12,6 +12,8 @@ impl Controller {
     /// Advances from the evaluation at `start_ns` by `duration_ns`.
     pub(super) fn advance(&mut self, start_ns: i64, duration_ns: i64) {
         self.learn();
+        // What is remembered of this sample are the transfers before the step.
+        self.scratch.transfers.copy_from_slice(&self.state.transfers);
         if self.state.adopted.enable {
             self.integrate(duration_ns);
         }
@@ -23,7 +25,8 @@ impl Controller {
         for (owed, next) in state.owed.iter_mut().zip(&scratch.owed) {
             owed.copy_from_slice(next);
         }
-        state.history.push(start_ns, &scratch.signals);
+        state.history.push(start_ns, &scratch.signals, &state.transfers);
+        state.transfers.copy_from_slice(&scratch.transfers);
         state.clock = Clock {
             now_ns: start_ns.saturating_add(duration_ns),
             sampled_ns: start_ns,
@@ -70,14 +73,15 @@ impl Controller {
         for k in 0..self.state.held.len() {
             self.state.held[k].flow = self.carries(&self.state.held[k], h_ns);
         }
-        let (state, live) = (&mut self.state, &self.topology.live);
+        let (state, scratch, live) = (&mut self.state, &mut self.scratch, &self.topology.live);
         state.fade_left_ns = (state.fade_left_ns - h_ns).max(0);
         if state.fade_left_ns == 0 {
             state.held.retain(|link| !link.is_between_live(live));
         }
         if state.parameters.voltage_policy == VoltagePolicy::Average {
             let (history, signals) = (&state.history, &scratch.signals);
-            estimator::advance(&self.network, history, signals, &average, h_s, &mut state.transfers);
+            let (before, after) = (&state.transfers, &mut scratch.transfers);
+            estimator::advance(&self.network, history, signals, &average, h_ns, before, after);
         }
     }
 }
