@@ -9,7 +9,7 @@ use super::exchange::Exchange;
 use super::io::{Inputs, Outputs, Parameters};
 use super::lag::Lag;
 use super::limits::LimitTable;
-use super::network::Network;
+use super::network::{Lateness, Network};
 use super::state::{Adopted, Clock, Lags, State};
 use super::topology::{Topologies, Topology};
 use super::{adopt::Spectrum, config::Channel, discretisation::SignPower};
@@ -249,6 +249,7 @@ impl Controller {
             K_P: &parameters.K_P,
             limits: &self.fixed.limits,
             no_circulation: self.fixed.no_circulation,
+            late: Lateness::default(),
         }
     }
 }

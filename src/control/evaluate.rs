@@ -9,7 +9,7 @@ use super::estimator::estimates;
 use super::exchange::setpoints;
 use super::lag::{Lag, no_load};
 use super::limits::{hold_back, restrict, room};
-use super::network::Room;
+use super::network::{Lateness, Room};
 use super::protocol::{View, active_power, average_voltage, energy, frequency, reactive_power, voltage};
 use super::time::seconds;
 
@@ -119,8 +119,12 @@ impl Controller {
         let [flow_V, flow_Q] =
             [parameters.gain_V, parameters.gain_Q].map(|gain| self.flow(gain, &lags.voltage, h_s));
         let (inputs, outputs) = (&self.state.inputs, &mut self.state.outputs);
-        let view =
-            View { network: &self.network, history: &self.state.history, signals: &self.scratch.signals };
+        let view = View {
+            network: &self.network,
+            history: &self.state.history,
+            signals: &self.scratch.signals,
+            late: Lateness::default(),
+        };
         let [up_P, down_P, up_Q, down_Q] = &self.scratch.room;
         let limited = self.fixed.limits.power;
         let room_P = limited.then_some(Room { up: up_P, down: down_P });

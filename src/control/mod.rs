@@ -11,6 +11,7 @@
 //! | `protocol`, `discretisation`, `exchange`, `estimator` | the laws (9)-(13), one function per equation |
 //! | `delay`, `lag`, `limits` | what agents know of each other, how late that is, what they can do |
 //! | `certificates`, `spectrum` | how long it takes |
+//! | `scalar`, `tangent`, `tangent_diagnostics` | the laws in dual numbers: what the outputs do along a direction |
 //! | `controller`, `adopt`, `evaluate`, `step`, `state`, `io`, `event` | the controller around them |
 #![forbid(unsafe_code)]
 // The paper's letters (K_P, P_set, u_P) are the names that users know from its equations.
@@ -35,9 +36,12 @@ pub mod lag;
 pub mod limits;
 pub mod network;
 pub mod protocol;
+pub mod scalar;
 pub mod spectrum;
 mod state;
 mod step;
+pub mod tangent;
+mod tangent_diagnostics;
 mod time;
 pub mod topology;
 mod validate;

@@ -5,6 +5,7 @@ use super::config::Channel;
 use super::delay::{Bracket, History, Quantity};
 use super::discretisation::Flow;
 use super::graph::Graph;
+use super::scalar::Scalar;
 
 /// A pin to the virtual leader.
 #[derive(Clone, Copy, Debug)]
@@ -86,67 +87,107 @@ impl Network {
                 }
             }
             self.known[e] = times.map(|t| history.bracket(now_ns, t));
-            self.agreed[e] = history.bracket(now_ns, times[0].min(times[1]));
+            for end in ENDS {
+                // A message that was not overtaken stays what it was, however long the delay.
+                if channel.is_lossy() && times[end] == last_ns[2 * e + end] {
+                    self.known[e][end] = self.known[e][end].fixed();
+                }
+            }
+            let older = usize::from(times[1] < times[0]);
+            self.agreed[e] = self.known[e][older];
         }
     }
 
     /// out_i -= sum_j f(x_i - x_j): the sum of all protocols. The neighbour's value is delayed, one's own
     /// is not (34). An edge on which nothing is delayed is visited once: f_ij = -f_ji to the last bit.
-    pub fn diffuse(
+    pub fn diffuse<S: Scalar>(
         &self,
-        history: &History,
-        (quantity, x): (Quantity, &[f64]),
-        flow: &Flow,
-        room: Option<Room<'_>>,
-        out: &mut [f64],
+        (history, late): (&History, Lateness<S>),
+        (quantity, x): (Quantity, &[S]),
+        flow: &Flow<S>,
+        room: Option<Room<'_, S>>,
+        out: &mut [S],
     ) {
         for (e, edge) in self.graph.edges().iter().enumerate() {
             let (a, b) = edge.ends();
             let known = self.known.get(e).copied().unwrap_or([Bracket::NOW; 2]);
-            let along = |d: f64| {
+            let late = late.of(edge.delay_ns);
+            let along = |d: S| {
                 let f = flow.along(edge.weight, d, self.shares[e]);
                 room.map_or(f, |room| f * room.along(a, b, f))
             };
             if known == [Bracket::NOW; 2] {
                 let f = along(x[a] - x[b]);
-                out[a] -= f;
-                out[b] += f;
+                out[a] = out[a] - f;
+                out[b] = out[b] + f;
             } else {
-                out[a] -= along(x[a] - history.value(known[0], quantity, b, x));
-                out[b] += along(history.value(known[1], quantity, a, x) - x[b]);
+                let of = |end: usize, i: usize| history.value_late(known[end], quantity, i, x, late);
+                out[a] = out[a] - along(x[a] - of(0, b));
+                out[b] = out[b] + along(of(1, a) - x[b]);
             }
         }
     }
 
     /// out_i -= a_0i s(x_i - reference) at the pinned agents, capped alike.
-    pub fn pull(&self, x: &[f64], reference: f64, flow: &Flow, out: &mut [f64]) {
+    pub fn pull<S: Scalar>(&self, x: &[S], reference: S, flow: &Flow<S>, out: &mut [S]) {
         for pin in &self.pins {
-            out[pin.agent] -= flow.along(pin.weight, x[pin.agent] - reference, pin.share);
+            let f = flow.along(pin.weight, x[pin.agent] - reference, pin.share);
+            out[pin.agent] = out[pin.agent] - f;
         }
     }
 
     /// The values at the two ends of edge `e` at the time that both know of: the differences of a
     /// physical exchange must be the same at both ends.
     pub fn agreed(&self, e: usize, history: &History, quantity: Quantity, x: &[f64]) -> (f64, f64) {
-        let (a, b) = self.graph.edges()[e].ends();
+        self.agreed_late(e, (history, Lateness::default()), quantity, x)
+    }
+
+    /// The same a little later or earlier.
+    pub fn agreed_late<S: Scalar>(
+        &self,
+        e: usize,
+        (history, late): (&History, Lateness<S>),
+        quantity: Quantity,
+        x: &[S],
+    ) -> (S, S) {
+        let edge = self.graph.edges()[e];
+        let (a, b) = edge.ends();
+        let late = late.of(edge.delay_ns);
+        let of = |at: Bracket, i: usize| history.value_late(at, quantity, i, x, late);
         match self.agreed.get(e) {
             None => (x[a], x[b]),
-            Some(&at) => (history.value(at, quantity, a, x), history.value(at, quantity, b, x)),
+            Some(&at) => (of(at, a), of(at, b)),
         }
+    }
+}
+
+/// By how much messages are later than the network knows, s: 0, but in a derivative along a delay or time.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Lateness<S = f64> {
+    /// By which all points in the past are earlier.
+    pub past: S,
+    /// By which the delay of edges without one of their own is longer.
+    pub delay: S,
+}
+
+impl<S: Scalar> Lateness<S> {
+    /// On an edge with this delay of its own.
+    fn of(&self, delay_ns: Option<i64>) -> S {
+        if delay_ns.is_some() { self.past } else { self.past + self.delay }
     }
 }
 
 /// How much of a flow each agent may still take part in, from 1 (free) to 0 (at its limit).
 #[derive(Clone, Copy, Debug)]
-pub struct Room<'a> {
+pub struct Room<'a, S = f64> {
     /// Room to rise, by agent.
-    pub up: &'a [f64],
+    pub up: &'a [S],
     /// Room to fall, by agent.
-    pub down: &'a [f64],
+    pub down: &'a [S],
 }
 
-impl Room<'_> {
-    fn along(&self, a: usize, b: usize, f: f64) -> f64 {
-        if f > 0.0 { self.down[a].min(self.up[b]) } else { self.up[a].min(self.down[b]) }
+impl<S: Scalar> Room<'_, S> {
+    fn along(&self, a: usize, b: usize, f: S) -> S {
+        if f.value() > 0.0 { self.down[a].min(self.up[b]) } else { self.up[a].min(self.down[b]) }
     }
 }
