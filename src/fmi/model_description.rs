@@ -112,7 +112,11 @@ fn write_units<M: Model>(xml: &mut String, registry: &Registry<M>) -> std::fmt::
     }
     writeln!(xml, "  <UnitDefinitions>")?;
     for unit in units {
-        writeln!(xml, r#"    <Unit name="{}"><BaseUnit{}/></Unit>"#, unit.name(), unit.base_attributes())?;
+        write!(xml, r#"    <Unit name="{}"><BaseUnit{}/>"#, unit.name(), unit.base_attributes())?;
+        if let Some((name, factor)) = unit.display() {
+            write!(xml, r#"<DisplayUnit name="{name}" factor="{factor:?}"/>"#)?;
+        }
+        writeln!(xml, "</Unit>")?;
     }
     writeln!(xml, "  </UnitDefinitions>")
 }
@@ -158,6 +162,9 @@ fn write_variable<M: Model>(
     }
     if let (Value::Real(_), Some(unit)) = (value, group.unit) {
         write!(xml, " unit=\"{}\"", unit.name())?;
+        if let Some((name, _)) = unit.display() {
+            write!(xml, " displayUnit=\"{name}\"")?;
+        }
     }
     let whole = matches!(value, Value::Integer(_));
     for (name, bound) in [("min", group.range.min), ("max", group.range.max)] {
