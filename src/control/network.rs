@@ -4,7 +4,7 @@
 use super::config::Channel;
 use super::delay::{Bracket, History, Quantity};
 use super::discretisation::Flow;
-use super::graph::Graph;
+use super::graph::{Edge, Graph};
 use super::scalar::Scalar;
 
 /// A pin to the virtual leader.
@@ -16,6 +16,10 @@ pub struct Pin {
     pub weight: f64,
     /// 1 / (1 + deg_i).
     pub share: f64,
+    /// The longest delay of the agent's own links, ns.
+    pub delay_ns: i64,
+    /// Whether that link has no delay of its own.
+    pub follows_common: bool,
 }
 
 /// The graph in force, prepared.
@@ -27,12 +31,26 @@ pub struct Network {
     pub pins: Vec<Pin>,
     /// 1 / (1 + max(deg_i, deg_j)) of each edge.
     pub shares: Vec<f64>,
+    /// 1 / (1/2 + max(peers_i, peers_j)) of each edge: the shares of `estimator` where messages take time.
+    pub round_shares: Vec<f64>,
     /// tau of each edge, ns.
     pub delays_ns: Vec<i64>,
     /// For each edge, when what `a` knows of `b`, and `b` of `a`, was true. Empty while all is present.
     known: Vec<[Bracket; 2]>,
     /// The same at both ends: the older of the two.
-    agreed: Vec<Bracket>,
+    agreed: Vec<Agreed>,
+}
+
+/// What the two ends of an edge both know of each other.
+#[derive(Clone, Copy, Debug)]
+struct Agreed {
+    at: Bracket,
+    /// Age of it, ns.
+    age_ns: i64,
+}
+
+impl Agreed {
+    const NOW: Self = Self { at: Bracket::NOW, age_ns: 0 };
 }
 
 /// Which end of an edge listens.
@@ -45,10 +63,18 @@ impl Network {
         let shares =
             graph.edges().iter().map(|e| share(graph.degree(e.a as usize).max(graph.degree(e.b as usize))));
         let pins = graph.pins().iter().enumerate().filter(|&(_, &weight)| weight > 0.0);
-        let pins = pins.map(|(agent, &weight)| Pin { agent, weight, share: share(graph.degree(agent)) });
+        let pins = pins.map(|(agent, &weight)| Pin {
+            agent,
+            weight,
+            share: share(graph.degree(agent)),
+            delay_ns: 0,
+            follows_common: false,
+        });
+        let peers = |e: &Edge| f64::from(graph.peers(e.a as usize).max(graph.peers(e.b as usize)));
+        let round_shares = graph.edges().iter().map(|e| 1.0 / (0.5 + peers(e))).collect();
         let (shares, pins) = (shares.collect(), pins.collect());
         let delays_ns = vec![0; graph.edges().len()];
-        Self { graph, pins, shares, delays_ns, known: Vec::new(), agreed: Vec::new() }
+        Self { graph, pins, shares, round_shares, delays_ns, known: Vec::new(), agreed: Vec::new() }
     }
 
     /// Sets the delay of the edges that have none of their own, and makes room for what they need.
@@ -56,9 +82,16 @@ impl Network {
         for (delay, edge) in self.delays_ns.iter_mut().zip(self.graph.edges()) {
             *delay = edge.delay_ns.unwrap_or(common_ns);
         }
+        for pin in &mut self.pins {
+            let own = self.delays_ns.iter().zip(self.graph.edges());
+            let own = own.filter(|(_, edge)| edge.a as usize == pin.agent || edge.b as usize == pin.agent);
+            let longest = own.max_by_key(|(delay, _)| **delay);
+            pin.delay_ns = longest.map_or(0, |(&delay, _)| delay);
+            pin.follows_common = longest.is_some_and(|(_, edge)| edge.delay_ns.is_none());
+        }
         let edges = if self.longest_delay_ns() > 0 || channel.is_lossy() { self.delays_ns.len() } else { 0 };
         self.known = vec![[Bracket::NOW; 2]; edges];
-        self.agreed = vec![Bracket::NOW; edges];
+        self.agreed = vec![Agreed::NOW; edges];
     }
 
     /// The longest delay, ns.
@@ -94,7 +127,8 @@ impl Network {
                 }
             }
             let older = usize::from(times[1] < times[0]);
-            self.agreed[e] = self.known[e][older];
+            let age_ns = now_ns.saturating_sub(times[older]).max(0);
+            self.agreed[e] = Agreed { at: self.known[e][older], age_ns };
         }
     }
 
@@ -105,17 +139,13 @@ impl Network {
         (history, late): (&History, Lateness<S>),
         (quantity, x): (Quantity, &[S]),
         flow: &Flow<S>,
-        room: Option<Room<'_, S>>,
         out: &mut [S],
     ) {
         for (e, edge) in self.graph.edges().iter().enumerate() {
             let (a, b) = edge.ends();
             let known = self.known.get(e).copied().unwrap_or([Bracket::NOW; 2]);
             let late = late.of(edge.delay_ns);
-            let along = |d: S| {
-                let f = flow.along(edge.weight, d, self.shares[e]);
-                room.map_or(f, |room| f * room.along(a, b, f))
-            };
+            let along = |d: S| flow.along(edge.weight, d, self.shares[e]);
             if known == [Bracket::NOW; 2] {
                 let f = along(x[a] - x[b]);
                 out[a] = out[a] - f;
@@ -131,6 +161,25 @@ impl Network {
     /// out_i -= a_0i s(x_i - reference) at the pinned agents, capped alike.
     pub fn pull<S: Scalar>(&self, x: &[S], reference: S, flow: &Flow<S>, out: &mut [S]) {
         for pin in &self.pins {
+            let f = flow.along(pin.weight, x[pin.agent] - reference, pin.share);
+            out[pin.agent] = out[pin.agent] - f;
+        }
+    }
+
+    /// The same with no pull faster than one gap in the time of the agent's slowest link.
+    pub fn pull_by_rounds<S: Scalar>(
+        &self,
+        x: &[S],
+        (reference, late): (S, Lateness<S>),
+        flow: &Flow<S>,
+        out: &mut [S],
+    ) {
+        let c = S::constant;
+        for pin in &self.pins {
+            let longer = if pin.follows_common { c(1e9) * late.delay } else { c(0.0) };
+            // At no delay this is infinite and leaves theta alone.
+            let round = c(1e9) / (c(pin.share) * (c(pin.delay_ns as f64) + longer));
+            let flow = Flow { inverse_theta: flow.inverse_theta.min(round), ..*flow };
             let f = flow.along(pin.weight, x[pin.agent] - reference, pin.share);
             out[pin.agent] = out[pin.agent] - f;
         }
@@ -156,7 +205,15 @@ impl Network {
         let of = |at: Bracket, i: usize| history.value_late(at, quantity, i, x, late);
         match self.agreed.get(e) {
             None => (x[a], x[b]),
-            Some(&at) => (of(at, a), of(at, b)),
+            Some(&Agreed { at, .. }) => (of(at, a), of(at, b)),
+        }
+    }
+
+    /// The transfer of edge `e` at that time, and the age of it, ns.
+    pub fn agreed_transfer(&self, e: usize, history: &History, present: &[f64]) -> (f64, i64) {
+        match self.agreed.get(e) {
+            None => (present[e], 0),
+            Some(&Agreed { at, age_ns }) => (history.transfer(at, e, present), age_ns),
         }
     }
 }
@@ -174,20 +231,5 @@ impl<S: Scalar> Lateness<S> {
     /// On an edge with this delay of its own.
     fn of(&self, delay_ns: Option<i64>) -> S {
         if delay_ns.is_some() { self.past } else { self.past + self.delay }
-    }
-}
-
-/// How much of a flow each agent may still take part in, from 1 (free) to 0 (at its limit).
-#[derive(Clone, Copy, Debug)]
-pub struct Room<'a, S = f64> {
-    /// Room to rise, by agent.
-    pub up: &'a [S],
-    /// Room to fall, by agent.
-    pub down: &'a [S],
-}
-
-impl<S: Scalar> Room<'_, S> {
-    fn along(&self, a: usize, b: usize, f: S) -> S {
-        if f.value() > 0.0 { self.down[a].min(self.up[b]) } else { self.up[a].min(self.down[b]) }
     }
 }

@@ -20,6 +20,8 @@ pub trait Scalar:
     fn powf(self, exponent: Self) -> Self;
     /// Arc tangent.
     fn atan(self) -> Self;
+    /// Exponential.
+    fn exp(self) -> Self;
     /// Magnitude; at 0 as for positive numbers.
     fn abs(self) -> Self;
     /// The smaller of two; where they are equal, this one. Not a number only if both are not.
@@ -58,6 +60,10 @@ impl Scalar for f64 {
     #[inline]
     fn atan(self) -> Self {
         f64::atan(self)
+    }
+    #[inline]
+    fn exp(self) -> Self {
+        f64::exp(self)
     }
     #[inline]
     fn abs(self) -> Self {
@@ -173,6 +179,9 @@ impl Scalar for Dual {
     fn atan(self) -> Self {
         self.times(self.value.atan(), 1.0 / (1.0 + self.value * self.value))
     }
+    fn exp(self) -> Self {
+        self.times(self.value.exp(), self.value.exp())
+    }
     fn abs(self) -> Self {
         if self.value < 0.0 { -self } else { self }
     }
@@ -198,7 +207,7 @@ mod tests {
     fn formula<S: Scalar>(x: S, y: S) -> S {
         let c = S::constant;
         let smooth = (x * y - c(2.0)).abs().powf(y / x) + (-x / y).abs().sqrt();
-        smooth.min(c(50.0)).atan().max(x - c(9.0)) + (x - c(1.0)).clamp_to_unit().copysign(-y)
+        smooth.min(c(50.0)).atan().exp().max(x - c(9.0)) + (x - c(1.0)).clamp_to_unit().copysign(-y)
     }
 
     #[test]

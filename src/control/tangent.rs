@@ -6,11 +6,11 @@ use super::config::{Discretisation, VoltagePolicy};
 use super::controller::Controller;
 use super::delay::{Quantity, Signals};
 use super::discretisation::{Flow, SignPower, boundary_layer};
-use super::exchange::{Exchange, setpoints};
+use super::evaluate::{SHARE_LOOPS, SHARE_S};
+use super::exchange::{Exchange, HeldLink, setpoints};
 use super::io::{Inputs, Outputs, Parameters};
 use super::lag::Lag;
-use super::limits::{hold_back, restrict, room};
-use super::network::{Lateness, Room};
+use super::network::Lateness;
 use super::protocol::{View, active_power, average_voltage, energy, frequency, reactive_power, voltage};
 use super::scalar::{Dual, Scalar};
 use super::time::seconds;
@@ -36,8 +36,7 @@ pub struct Tangents {
     pub outputs: Outputs,
     pub(super) signals: Signals<Dual>,
     /// u_omega, u_P, u_E, u_V, u_Q.
-    u: [Vec<Dual>; 5],
-    room: [Vec<Dual>; 4],
+    pub(super) u: [Vec<Dual>; 5],
     flows: Vec<Dual>,
     P_set: Vec<Dual>,
     limited: Vec<bool>,
@@ -68,7 +67,6 @@ impl Controller {
             outputs: self.state.outputs.clone(),
             signals: Signals::new(n),
             u: std::array::from_fn(|_| vec![Dual::default(); n]),
-            room: std::array::from_fn(|_| vec![Dual::constant(1.0); n]),
             flows: Vec::new(),
             P_set: vec![Dual::default(); n],
             limited: vec![false; n],
@@ -98,7 +96,7 @@ impl Controller {
             let late = Lateness { past, delay: Dual::new(0.0, d.delay) };
             self.law_rates(&tuned, late, h_s, tangents);
             self.limit_rates(direction, h_s, tangents);
-            self.exchange_rates(&tuned, late, h_s, tangents);
+            self.exchange_rates(&tuned, late, clock.step_ns, tangents);
         }
         let Tangents { outputs, u: [u_omega, u_P, u_E, u_V, u_Q], .. } = tangents;
         for (rates, duals) in [
@@ -117,7 +115,7 @@ impl Controller {
     }
 
     /// d omega_set_i / dt and d V_set_i / dt, pu/s: the inputs u after limits. In another direction they are held.
-    fn setpoint_rates(&self, direction: Direction, i: usize) -> (f64, f64) {
+    pub(super) fn setpoint_rates(&self, direction: Direction, i: usize) -> (f64, f64) {
         let moves = direction == Direction::Time && self.state.adopted.enable && self.topology.live[i];
         if moves { (self.state.outputs.u_omega[i], self.state.outputs.u_V[i]) } else { (0.0, 0.0) }
     }
@@ -152,12 +150,15 @@ impl Controller {
             }
         }
         self.filter_rates(direction, signals);
-        for quantity in [Quantity::Omega, Quantity::P, Quantity::V, Quantity::Q, Quantity::Soc] {
+        self.share_rates(direction, signals);
+        for quantity in
+            [Quantity::Omega, Quantity::P, Quantity::V, Quantity::Q, Quantity::Soc, Quantity::Share]
+        {
             let values = self.scratch.signals.of(quantity);
             signals.of_mut(quantity).iter_mut().zip(values).for_each(|(dual, &value)| dual.value = value);
         }
         // The estimates of the mean voltage are V plus what is held.
-        let [_, _, V, _, _, vbar] = &mut signals.0;
+        let [_, _, V, _, _, vbar, _] = &mut signals.0;
         for (i, vbar) in vbar.iter_mut().enumerate() {
             *vbar = Dual::new(self.scratch.signals.of(Quantity::MeanV)[i], V[i].tangent);
         }
@@ -194,34 +195,41 @@ impl Controller {
         }
     }
 
+    /// What the slow share of the load makes of the rates.
+    fn share_rates(&self, direction: Direction, signals: &mut Signals<Dual>) {
+        if self.state.shares.is_empty() {
+            return;
+        }
+        let clock = self.state.clock;
+        let loop_s = self.state.lags.frequency.loop_steps() * seconds(clock.step_ns);
+        let constant_s = (SHARE_LOOPS * loop_s).max(SHARE_S);
+        let left = (-seconds((clock.now_ns - clock.sampled_ns).max(0)) / constant_s).exp();
+        let rate = if direction == Direction::Time { left / constant_s } else { 0.0 };
+        let new = if clock.samples > 0 { Dual::new(1.0 - left, rate) } else { Dual::constant(1.0) };
+        for (i, &last) in self.state.shares.iter().enumerate() {
+            let (P, last) = (signals.of(Quantity::P)[i], Dual::constant(last));
+            let P = P / Dual::constant(self.state.parameters.K_P[i]);
+            signals.of_mut(Quantity::Share)[i] = last + new * (P - last);
+        }
+    }
+
     /// As `Controller::laws`.
     fn law_rates(&self, tuned: &Tuned, late: Lateness<Dual>, h_s: f64, tangents: &mut Tangents) {
         let (inputs, parameters, lags) = (&self.state.inputs, &self.state.parameters, &self.state.lags);
-        if self.fixed.limits.power {
-            for i in 0..self.agents() {
-                let [(P, P_range), (Q, Q_range)] = self.power_rates(i, &tangents.signals);
-                let ((up_P, down_P), (up_Q, down_Q)) = (room(P, P_range), room(Q, Q_range));
-                for (k, value) in [up_P, down_P, up_Q, down_Q].into_iter().enumerate() {
-                    tangents.room[k][i] = value;
-                }
-            }
-        }
-        let Tangents { inputs: d, parameters: d_gain, signals, u, room, .. } = tangents;
+        let Tangents { inputs: d, parameters: d_gain, signals, u, .. } = tangents;
         let [u_omega, u_P, _, u_V, u_Q] = u;
-        let [up_P, down_P, up_Q, down_Q] = &*room;
         let flow = |gain: f64, rate: f64, lag: &Lag| tuned.flow(Dual::new(gain, rate), lag, h_s);
         let flow_omega = flow(parameters.gain_omega, d_gain.gain_omega, &lags.frequency);
         let flow_P = flow(parameters.gain_P, d_gain.gain_P, &lags.frequency);
         let flow_V = flow(parameters.gain_V, d_gain.gain_V, &lags.voltage);
         let flow_Q = flow(parameters.gain_Q, d_gain.gain_Q, &lags.voltage);
-        let limited = self.fixed.limits.power;
-        let room_P = limited.then_some(Room { up: up_P, down: down_P });
-        let room_Q = limited.then_some(Room { up: up_Q, down: down_Q });
         let dispatch = inputs.dispatch.then_some(Dual::new(inputs.P_ref, d.P_ref));
-        let (omega_ref, V_ref) = (Dual::new(inputs.omega_ref, d.omega_ref), Dual::new(inputs.V_ref, d.V_ref));
+        let omega_ref = Dual::new(inputs.omega_ref, d.omega_ref);
+        let V_ref = Dual::new(inputs.V_ref, d.V_ref);
         let view = View { network: &self.network, history: &self.state.history, signals, late };
-        active_power(view, &flow_P, dispatch, room_P, u_P);
-        reactive_power(view, &flow_Q, room_Q, u_Q);
+        active_power(view, &flow_P, dispatch, u_P);
+        reactive_power(view, &flow_Q, u_Q);
+        self.relay_rates(signals, [u_P, u_Q], h_s);
         frequency(view, &flow_omega, u_P, omega_ref, u_omega);
         match parameters.voltage_policy {
             VoltagePolicy::Paper => voltage(view, &flow_V, u_Q, V_ref, u_V),
@@ -229,37 +237,9 @@ impl Controller {
         }
     }
 
-    /// As `Controller::powers`.
-    fn power_rates(&self, i: usize, signals: &Signals<Dual>) -> [(Dual, (Dual, Dual)); 2] {
-        let (parameters, outputs, limits) = (&self.state.parameters, &self.state.outputs, &self.fixed.limits);
-        let c = Dual::constant;
-        let P = signals.of(Quantity::P)[i] / c(parameters.K_P[i]) + c(outputs.P_set[i]);
-        let Q = signals.of(Quantity::Q)[i] / c(parameters.K_Q[i]) + c(outputs.Q_set[i]);
-        let Q_limit = limits.Q_limit(i, P);
-        [(P, limits.P_range(i, signals.of(Quantity::Soc)[i])), (Q, (-Q_limit, Q_limit))]
-    }
-
-    /// As `Controller::limit`.
-    fn limit_rates(&self, direction: Direction, h_s: f64, tangents: &mut Tangents) {
-        let (parameters, outputs, limits) = (&self.state.parameters, &self.state.outputs, &self.fixed.limits);
-        for i in (0..self.agents()).filter(|&i| self.topology.live[i]) {
-            let [(P, P_range), (Q, Q_range)] = self.power_rates(i, &tangents.signals);
-            let (omega_rate, V_rate) = self.setpoint_rates(direction, i);
-            let [u_omega, _, _, u_V, _] = &mut tangents.u;
-            if limits.power {
-                u_omega[i] = hold_back(u_omega[i], P, P_range, parameters.K_P[i], h_s);
-                u_V[i] = hold_back(u_V[i], Q, Q_range, parameters.K_Q[i], h_s);
-            }
-            let setpoint = Dual::new(outputs.omega_set[i], omega_rate);
-            u_omega[i] =
-                restrict(u_omega[i], limits.omega_set_rate[i], setpoint, limits.omega_set_range, h_s);
-            let setpoint = Dual::new(outputs.V_set[i], V_rate);
-            u_V[i] = restrict(u_V[i], limits.V_set_rate[i], setpoint, limits.V_set_range, h_s);
-        }
-    }
-
     /// As `Controller::exchange`.
-    fn exchange_rates(&self, tuned: &Tuned, late: Lateness<Dual>, h_s: f64, tangents: &mut Tangents) {
+    fn exchange_rates(&self, tuned: &Tuned, late: Lateness<Dual>, h_ns: i64, tangents: &mut Tangents) {
+        let h_s = seconds(h_ns);
         let parameters = &self.state.parameters;
         let theta_E = Dual::new(parameters.theta_E, tangents.parameters.theta_E);
         let theta_s = match parameters.discretisation {
@@ -275,7 +255,7 @@ impl Controller {
             h_s,
             capacity: &parameters.capacity,
             P_max: &parameters.P_exchange_max,
-            K_P: &parameters.K_P,
+            fade: self.fade(h_ns),
             limits: &self.fixed.limits,
             no_circulation: self.fixed.no_circulation,
             late,
@@ -284,8 +264,9 @@ impl Controller {
         flows.resize(self.network.graph.edges().len(), Dual::default());
         exchange.flows(&self.network, &self.state.history, signals, &self.state.flows, flows, limited);
         let live = &self.topology.live;
-        P_set.fill(Dual::default());
-        setpoints(&self.network, flows, &self.state.held, |i| live[i], P_set);
+        let carries = |link: &HeldLink| self.carries(link, h_ns);
+        // Who is not live has no u_E.
+        setpoints(&self.network, flows, &self.state.held, carries, |_| true, P_set);
         energy(P_set, &parameters.capacity, u_E);
         for (u, _) in u_E.iter_mut().zip(live).filter(|(_, live)| !**live) {
             *u = Dual::default();

@@ -18,7 +18,8 @@ impl Controller {
             |q: Quantity| signals.of(q).iter().zip(available).filter(|(_, a)| **a).map(|(&x, _)| x);
         let spread = |q: Quantity| {
             let start = (Dual::constant(f64::INFINITY), Dual::constant(f64::NEG_INFINITY));
-            let (low, high) = of_available(q).fold(start, |(low, high), x| (x.min(low), x.max(high)));
+            let own = (0..available.len()).filter(|&i| available[i]).map(|i| self.own(signals, q, i));
+            let (low, high) = own.fold(start, |(low, high), x| (x.min(low), x.max(high)));
             if low.value <= high.value { (high - low).tangent } else { 0.0 }
         };
         let error = |q: Quantity, reference: Dual| {

@@ -69,7 +69,7 @@ impl Network {
 
     /// Memory for evaluations of this network.
     pub fn workspace(&self) -> Workspace {
-        Workspace::new(self.plant.n(), self.plant.n_bus(), self.plant.nonlinear.len(), self.lu.scratch(1))
+        Workspace::new(self.plant.n(), self.plant.n_bus(), self.plant.nonlinear.len(), self.lu.scratch())
     }
 
     /// The plant that the network belongs to.
@@ -197,7 +197,7 @@ impl Network {
             }
             return Y;
         }
-        let mut scratch = self.lu.scratch(1);
+        let mut scratch = self.lu.scratch();
         let mut column = vec![c64::ZERO; self.plant.n_bus()];
         for s in 0..=n {
             column.fill(c64::ZERO);

@@ -44,7 +44,7 @@ impl Reduction {
             r_load: vec![0.0; n_load * n_load],
             x_load: vec![0.0; n_load * n_load],
             from_load: vec![c64::ZERO; n * n_load],
-            scratch: lu.scratch((n + 1).max(n_load)),
+            scratch: lu.scratch(),
         }
     }
 
