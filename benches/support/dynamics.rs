@@ -1,7 +1,10 @@
 //! A grid with many batteries, simulated in communication steps.
 
 use super::{Options, case, option};
-use bess_consensus::grid::{Bess, Case, CaseSource, Config, GridModel, NetworkMethod};
+use bess_consensus::grid::{
+    Bess, Case, CaseSource, Config, GridModel, NetworkMethod, PowerFlow, Start, power_flow,
+};
+use faer::c64;
 use serde_json::json;
 use std::time::Instant;
 
@@ -38,10 +41,26 @@ fn config(case: Case, most: usize) -> Result<Config, String> {
     Ok(Config { bess, tie: None, case: CaseSource::Inline(Box::new(case)), ..Config::case57() })
 }
 
+/// Setpoints with which the power flow is the steady state, but for a spread of the frequency setpoints.
+fn dispatch(model: &mut GridModel, config: &Config, flow: &PowerFlow, case: &Case) {
+    for (i, bess) in config.bess.iter().enumerate() {
+        let Some(k) = case.position(bess.bus) else { continue };
+        let load = c64::new(case.bus[k].pd, case.bus[k].qd) / case.base_mva;
+        let v = c64::from_polar(flow.vm[k], flow.va[k]);
+        let current = ((flow.injection[k] + load) / v).conj();
+        let source = v + c64::new(0.0, bess.X_c) * current;
+        let power = source * current.conj();
+        let inputs = model.inputs_mut();
+        (inputs.P_set[i], inputs.Q_set[i], inputs.V_set[i]) = (power.re, power.im, source.norm());
+    }
+}
+
 /// Simulates and prints times.
 pub fn dynamics(name: &str, options: &Options) -> Result<String, String> {
     let text = |e: bess_consensus::grid::GridError| e.to_string();
-    let mut config = config(case(name)?, option(options, "bess", usize::MAX)?)?;
+    let case = case(name)?;
+    let flow = power_flow(&case, Start::Case).map_err(text)?;
+    let mut config = config(case.clone(), option(options, "bess", usize::MAX)?)?;
     config.network = match options.get("network").map_or("auto", String::as_str) {
         "kron" => NetworkMethod::Kron,
         "sparse" => NetworkMethod::Sparse,
@@ -52,6 +71,7 @@ pub fn dynamics(name: &str, options: &Options) -> Result<String, String> {
     let begin = Instant::now();
     let mut model = GridModel::new(&config).map_err(text)?;
     let new_s = begin.elapsed().as_secs_f64();
+    dispatch(&mut model, &config, &flow, &case);
     let begin = Instant::now();
     model.initialise().map_err(text)?;
     let initialise_s = begin.elapsed().as_secs_f64();

@@ -93,15 +93,6 @@ impl Reduction {
         if finite { Ok(()) } else { Err(GridError::Singular { what: "the network with its present loads" }) }
     }
 
-    /// The reduced admittance between source `i` and source `s` (`s = n`: the main grid), pu.
-    pub fn admittance(&self, i: usize, s: usize) -> c64 {
-        if s == self.n {
-            c64::new(self.i_tie[i].0, self.i_tie[i].1)
-        } else {
-            c64::new(self.g[s * self.n + i], self.b[s * self.n + i])
-        }
-    }
-
     /// Source currents from the source voltages in the workspace.
     #[inline]
     pub fn currents(&self, plant: &Plant, ws: &mut Workspace) -> Result<(), GridError> {

@@ -1,8 +1,9 @@
-//! The `.fmu` archives: model description, shared library, resources, licence, put together for one scenario;
-//! and the `.ssp` archive of both, connected.
+//! The `.fmu` archives: model description, shared library, resources, documentation, put together for one
+//! scenario; and the `.ssp` archive of both, connected.
 #![forbid(unsafe_code)]
 
 mod archive;
+mod documentation;
 mod libraries;
 mod system;
 
@@ -100,7 +101,8 @@ fn controller(
     let resource = Controller::resource(resolved);
     let json = resource.to_json()?;
     let model = Controller::new(resource)?;
-    let entries = entries(&model, interface, (Controller::RESOURCE, json), libraries)?;
+    let entries =
+        entries(&model, interface, (Controller::RESOURCE, json), &documentation::CONTROLLER, libraries)?;
     Ok((model, entries))
 }
 
@@ -112,7 +114,7 @@ fn grid(
     let resource = Grid::resource(resolved);
     let json = resource.to_json()?;
     let model = Grid::new(resource)?;
-    let entries = entries(&model, interface, (Grid::RESOURCE, json), libraries)?;
+    let entries = entries(&model, interface, (Grid::RESOURCE, json), &documentation::GRID, libraries)?;
     Ok((model, entries))
 }
 
@@ -121,15 +123,15 @@ fn entries<M: Model>(
     model: &M,
     interface: Interface,
     (resource, json): (&str, Vec<u8>),
+    papers: &documentation::Papers,
     libraries: &Libraries,
 ) -> Result<Entries, PackageError> {
     let mut entries: Entries = [
         ("modelDescription.xml".to_owned(), model_description::write(model, interface)?.into_bytes()),
         (format!("resources/{resource}"), json),
-        ("documentation/licenses/LICENSE-MIT".to_owned(), include_bytes!("../../LICENSE-MIT").to_vec()),
-        ("documentation/licenses/LICENSE-APACHE".to_owned(), include_bytes!("../../LICENSE-APACHE").to_vec()),
     ]
     .into();
     entries.extend(libraries.of(M::IDENTIFIER)?);
+    entries.extend(documentation::entries(model, interface, papers)?);
     Ok(entries)
 }

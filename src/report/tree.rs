@@ -41,7 +41,7 @@ pub struct Branch {
 }
 
 const KEPT: &str = "#4b5563";
-const CUT: &str = "#D55E00";
+const CUT: &str = "#b91c1c";
 
 impl TreeFigure {
     /// What the page's script draws: `data` and `layout` as Plotly wants them.

@@ -34,6 +34,8 @@ pub enum Stage {
     Fmu,
     /// The FMUs in FMPy, against the reference data
     Fmpy,
+    /// Case 1 in the masters of others, and the .ssp
+    Masters,
     /// The cases of the paper through the harness
     Run,
     /// Their reports in a browser without network
@@ -51,6 +53,7 @@ impl Stage {
             Stage::Bindings => "bindings",
             Stage::Fmu => "fmu",
             Stage::Fmpy => "fmpy",
+            Stage::Masters => "masters",
             Stage::Run => "run",
             Stage::Browser => "browser",
         }
@@ -63,6 +66,7 @@ impl Stage {
             Stage::Clippy => &[Need::Clippy],
             Stage::Bindings => &[Need::Libclang],
             Stage::Fmpy => &[Need::Python],
+            Stage::Masters => &[Need::Python, Need::Tbb],
             Stage::Browser => &[Need::Python, Need::Chromium],
             Stage::Rust | Stage::Doc | Stage::Fmu | Stage::Run => &[],
         }
@@ -71,7 +75,7 @@ impl Stage {
     /// The stages whose work this one uses.
     fn after(self) -> &'static [Stage] {
         match self {
-            Stage::Fmpy | Stage::Run => &[Stage::Fmu],
+            Stage::Fmpy | Stage::Masters | Stage::Run => &[Stage::Fmu],
             Stage::Browser => &[Stage::Fmu, Stage::Run],
             _ => &[],
         }
@@ -98,6 +102,13 @@ impl Stage {
                 // Where the built `bess` and the libraries are, for the tests that look at them.
                 test.env("BESS_RELEASE_DIR", workspace.release());
                 start(test.args(["-m", "pytest", "-ra", "tests/fmpy"]).args(pytest))
+            }
+            Stage::Masters => {
+                // CoFmuPy wants another FMPy than the rest.
+                let cofmupy = python::environment(workspace, "masters/cofmupy")?;
+                let mut test = command(workspace, python::environment(workspace, "masters")?);
+                test.env("BESS_RELEASE_DIR", workspace.release()).env("BESS_COFMUPY_PYTHON", cofmupy);
+                start(test.args(["-m", "pytest", "-ra", "tests/masters"]).args(pytest))
             }
             Stage::Run => CASES.iter().try_for_each(|case| scenario::run(workspace, Path::new(case), &[])),
             Stage::Browser => CASES.iter().try_for_each(|case| {

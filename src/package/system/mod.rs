@@ -74,7 +74,7 @@ pub fn write_system(
         Part::new(CONTROLLER, controller_model, interface, &start)?,
         Part::new(GRID, grid_model, interface, &start)?,
     ];
-    let connections = connections::between(&parts, &resolved.scenario.connections)?;
+    let connections = connections::between(&parts, &resolved.wires)?;
     let written = |e: std::io::Error| PackageError::Archive { file: path.into(), cause: e.to_string() };
     let mut entries: Entries = [
         ("SystemStructure.ssd".to_owned(), ssd::write(resolved, &parts, &connections).map_err(written)?),
