@@ -10,7 +10,7 @@ use super::exchange::Exchange;
 use super::io::{Inputs, Outputs, Parameters};
 use super::lag::Lag;
 use super::limits::LimitTable;
-use super::network::Network;
+use super::network::{Lateness, Network};
 use super::state::{Adopted, Clock, Lags, State};
 use super::time::{nanoseconds, seconds};
 use super::topology::{Topologies, Topology};
@@ -277,6 +277,7 @@ impl Controller {
             P_max: &parameters.P_exchange_max,
             limits: &self.fixed.limits,
             no_circulation: self.fixed.no_circulation,
+            late: Lateness::default(),
         }
     }
 

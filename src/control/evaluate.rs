@@ -8,6 +8,7 @@ use super::discretisation::{Flow, SignPower, boundary_layer};
 use super::estimator::estimates;
 use super::exchange::{HeldLink, setpoints};
 use super::lag::{Lag, no_load};
+use super::network::Lateness;
 use super::protocol::{View, active_power, average_voltage, energy, frequency, reactive_power, voltage};
 use super::time::seconds;
 
@@ -113,23 +114,29 @@ impl Controller {
     /// be: with F how P follows and M how it is followed here, both of first order, (F - M) P_set is what is left
     /// of the move, which has a gain below 1 whatever their times, and so dies out.
     fn share(&mut self, now_ns: i64) {
+        let [followed_s, shared_s] = self.share_times_s();
         let (state, scratch) = (&self.state, &mut self.scratch);
         if scratch.shares.is_empty() {
             return;
         }
-        let step_s = seconds(state.clock.step_ns);
-        let loop_s = state.lags.frequency.loop_steps() * step_s;
         let elapsed_s = seconds((now_ns - state.clock.sampled_ns).max(0));
         let first = state.clock.samples == 0;
         let new = |T_s: f64| if first || T_s == 0.0 { 1.0 } else { -(-elapsed_s / T_s).exp_m1() };
-        let followed = new(FOLLOWING_S.max(loop_s - step_s));
-        let shared = new(self.fixed.filter.P_s.max(SHARE_LOOPS * loop_s));
+        let followed = new(followed_s);
+        let shared = new(shared_s);
         for (i, (&P, &P_set)) in state.inputs.P.iter().zip(&state.outputs.P_set).enumerate() {
             scratch.followed[i] = state.followed[i] + followed * (P_set - state.followed[i]);
             let share = P - scratch.followed[i];
             scratch.shares[i] = state.shares[i] + shared * (share - state.shares[i]);
         }
         scratch.signals.of_mut(Quantity::Share).copy_from_slice(&scratch.shares);
+    }
+
+    /// Time constants of P_set as the power follows it, and of the share of the load, s.
+    pub(super) fn share_times_s(&self) -> [f64; 2] {
+        let step_s = seconds(self.state.clock.step_ns);
+        let loop_s = self.state.lags.frequency.loop_steps() * step_s;
+        [FOLLOWING_S.max(loop_s - step_s), self.fixed.filter.P_s.max(SHARE_LOOPS * loop_s)]
     }
 
     /// A flow law of one quantity for a step of `h_s`, its measurements late by `lag`.
@@ -153,15 +160,23 @@ impl Controller {
         let [flow_V, flow_Q] =
             [parameters.gain_V, parameters.gain_Q].map(|gain| self.flow(gain, &lags.voltage, h_s));
         let (inputs, outputs) = (&self.state.inputs, &mut self.state.outputs);
-        let view =
-            View { network: &self.network, history: &self.state.history, signals: &self.scratch.signals };
+        let view = View {
+            network: &self.network,
+            history: &self.state.history,
+            signals: &self.scratch.signals,
+            late: Lateness::default(),
+        };
         let dispatch = inputs.dispatch.then_some(inputs.P_ref);
         active_power(view, &flow_P, dispatch, &mut outputs.u_P);
         reactive_power(view, &flow_Q, &mut outputs.u_Q);
         self.relay(h_s);
         let (inputs, outputs) = (&self.state.inputs, &mut self.state.outputs);
-        let view =
-            View { network: &self.network, history: &self.state.history, signals: &self.scratch.signals };
+        let view = View {
+            network: &self.network,
+            history: &self.state.history,
+            signals: &self.scratch.signals,
+            late: Lateness::default(),
+        };
         frequency(view, &flow_omega, &outputs.u_P, inputs.omega_ref, &mut outputs.u_omega);
         match self.state.parameters.voltage_policy {
             VoltagePolicy::Paper => voltage(view, &flow_V, &outputs.u_Q, inputs.V_ref, &mut outputs.u_V),
