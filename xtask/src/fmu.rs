@@ -27,14 +27,14 @@ pub fn build_and_pack(workspace: &Workspace) -> Result<(), Failure> {
 }
 
 /// Builds for every platform that can be built here, and packs them all into both FMUs.
-pub fn build_and_pack_all(workspace: &Workspace) -> Result<(), Failure> {
+pub fn build_and_pack_all(workspace: &Workspace) -> Result<Vec<Built>, Failure> {
     let built = platforms::build_all(workspace)?;
     pack(workspace, &built)?;
     for one in &built {
         let glibc = platforms::needs(one)?.map(|glibc| format!(", needs {glibc}"));
         println!("{}{}", one.platform.name(), glibc.unwrap_or_default());
     }
-    Ok(())
+    Ok(built)
 }
 
 /// The shared libraries of both models for the platform that this program runs on, by the plain cargo.

@@ -101,7 +101,9 @@ fn main() -> ExitCode {
 fn dispatch(task: Task) -> Result<ExitCode, Failure> {
     let workspace = Workspace::find()?;
     match task {
-        Task::Fmu { all_platforms: true } => fmu::build_and_pack_all(&workspace)?,
+        Task::Fmu { all_platforms: true } => {
+            fmu::build_and_pack_all(&workspace)?;
+        }
         Task::Fmu { all_platforms: false } => fmu::build_and_pack(&workspace)?,
         Task::Wheel => println!("{}", platforms::wheel(&workspace)?.display()),
         Task::Run { scenario, extra } => {

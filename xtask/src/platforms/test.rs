@@ -1,6 +1,6 @@
 //! The two stages that look at what was built for other platforms, with pytest as the judge.
 
-use super::{build_all, mocks, wheel};
+use super::{mocks, wheel};
 use crate::{
     error::Failure,
     fmu,
@@ -11,8 +11,7 @@ use crate::{
 
 /// Builds and packs for all platforms and has `tests/platforms` look at the libraries and run them.
 pub fn test(workspace: &Workspace, pytest: &[String]) -> Result<(), Failure> {
-    fmu::build_and_pack_all(workspace)?;
-    mocks(workspace, &build_all(workspace)?)?;
+    mocks(workspace, &fmu::build_and_pack_all(workspace)?)?;
     let mut test = command(workspace, python::environment(workspace, "platforms")?);
     test.env("BESS_PLATFORMS_DIR", workspace.platforms()).env("BESS_RELEASE_DIR", workspace.release());
     run(test.args(["-m", "pytest", "-ra", "tests/platforms"]).args(pytest))
