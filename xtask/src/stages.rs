@@ -5,7 +5,7 @@ use crate::{
     bindings,
     debian::{Need, provide},
     error::Failure,
-    fmu,
+    fmu, platforms,
     process::{cargo, command, run as start},
     python, scenario,
     table::{Outcome, Row, render},
@@ -40,6 +40,10 @@ pub enum Stage {
     Run,
     /// Their reports in a browser without network
     Browser,
+    /// The libraries for linux64, win64 and aarch64-linux: what they ask for, and that they give equal numbers
+    Platforms,
+    /// `bess` as a wheel in an empty environment, its FMU in FMPy
+    Wheel,
 }
 
 impl Stage {
@@ -56,6 +60,8 @@ impl Stage {
             Stage::Masters => "masters",
             Stage::Run => "run",
             Stage::Browser => "browser",
+            Stage::Platforms => "platforms",
+            Stage::Wheel => "wheel",
         }
     }
 
@@ -68,6 +74,8 @@ impl Stage {
             Stage::Fmpy => &[Need::Python],
             Stage::Masters => &[Need::Python, Need::Tbb],
             Stage::Browser => &[Need::Python, Need::Chromium],
+            Stage::Platforms => &[Need::Python, Need::CrossRust, Need::Mingw, Need::Wine, Need::QemuAarch64],
+            Stage::Wheel => &[Need::Python, Need::CrossRust, Need::Mingw],
             Stage::Rust | Stage::Doc | Stage::Fmu | Stage::Run => &[],
         }
     }
@@ -115,6 +123,8 @@ impl Stage {
                 let report = Path::new(&scenario::results(Path::new(case))?).join("report.html");
                 start(command(workspace, "python3").arg("tests/browser/check_report.py").arg(report))
             }),
+            Stage::Platforms => platforms::test(workspace, pytest),
+            Stage::Wheel => platforms::test_wheel(workspace, pytest),
         }
     }
 }
