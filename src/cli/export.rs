@@ -3,10 +3,10 @@
 use super::{Failure, ScenarioArgs};
 use crate::fmi::{Interface, Model};
 use crate::models::{Controller, Grid};
-use crate::package::{self, PackageError};
+use crate::package::{self, Libraries, PackageError};
 use crate::scenario::Resolved;
 use clap::{Args, ValueEnum};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What an FMU can be written of.
 #[derive(Clone, Copy, ValueEnum)]
@@ -41,24 +41,29 @@ pub struct ExportArgs {
     /// Names that are C identifiers (P_1) and Reals only (true from 0.5 on), for tools that know nothing else
     #[arg(long)]
     portable: bool,
-    /// Folder with the shared libraries [default: beside this program]
+    /// Folder with the shared libraries: linux64/, win64/, aarch64-linux/, or a cargo target folder
+    /// [default: those that this program carries; if it carries none, those beside it]
     #[arg(long, value_name = "DIR")]
     libraries: Option<PathBuf>,
 }
 
 /// Writes the FMU and says where it is.
-pub fn export(args: &ExportArgs) -> Result<(), Failure> {
+pub fn export(args: &ExportArgs, carried: &'static [u8]) -> Result<(), Failure> {
     let resolved = args.scenario.resolve()?;
-    let libraries = args.libraries.clone().unwrap_or_else(beside_this_program);
-    let output = args.output.clone().unwrap_or_else(|| match args.part {
-        Part::Controller => PathBuf::from(format!("{}.fmu", Controller::IDENTIFIER)),
-        Part::Grid => PathBuf::from(format!("{}.fmu", Grid::IDENTIFIER)),
-        Part::System => PathBuf::from("BessSystem.ssp"),
-    });
+    let libraries = chosen(args.libraries.as_deref(), carried);
+    let (identifier, extension) = match args.part {
+        Part::Controller => (Controller::IDENTIFIER, "fmu"),
+        Part::Grid => (Grid::IDENTIFIER, "fmu"),
+        Part::System => ("BessSystem", "ssp"),
+    };
+    let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{identifier}.{extension}")));
     let interface = if args.portable { Interface::Portable } else { Interface::Structured };
-    write(args.part, &resolved, interface, &output, &libraries).map_err(|error| {
+    // A system holds both models, built for the same platforms.
+    let model = if matches!(args.part, Part::Grid) { Grid::IDENTIFIER } else { Controller::IDENTIFIER };
+    let written = write(args.part, &resolved, interface, &output, &libraries);
+    let platforms = written.and_then(|()| libraries.platforms(model)).map_err(|error| {
         let report = match &error {
-            PackageError::NoLibrary { .. } => {
+            PackageError::NoLibrary { .. } | PackageError::NotCarried { .. } => {
                 miette::miette!(
                     help = "build it with `cargo xtask fmu`, or name its folder with --libraries",
                     "{error}"
@@ -70,7 +75,7 @@ pub fn export(args: &ExportArgs) -> Result<(), Failure> {
         let code = if matches!(error, PackageError::System(_)) { 2 } else { 1 };
         Failure { report, code }
     })?;
-    eprintln!("wrote {}", output.display());
+    eprintln!("wrote {} ({})", output.display(), platforms.join(", "));
     Ok(())
 }
 
@@ -79,13 +84,33 @@ fn write(
     part: Part,
     resolved: &Resolved,
     interface: Interface,
-    output: &std::path::Path,
-    libraries: &std::path::Path,
+    output: &Path,
+    libraries: &Libraries,
 ) -> Result<(), PackageError> {
     match part {
         Part::Controller => package::write_controller(output, resolved, interface, libraries),
         Part::Grid => package::write_grid(output, resolved, interface, libraries),
         Part::System => package::write_system(output, resolved, interface, libraries),
+    }
+}
+
+/// What is named counts first, then what the program carries; beside it they lie only after a plain cargo build.
+fn chosen(named: Option<&Path>, carried: &'static [u8]) -> Libraries {
+    match named {
+        Some(folder) => Libraries::Folder(folder.to_owned()),
+        None if !carried.is_empty() => Libraries::Carried(carried),
+        None => Libraries::Folder(beside_this_program()),
+    }
+}
+
+/// What this program carries, in a sentence for `--help` and `--version`.
+pub fn carries(carried: &'static [u8]) -> String {
+    match Libraries::Carried(carried).platforms(Controller::IDENTIFIER) {
+        Ok(platforms) if platforms.is_empty() => {
+            "This program carries no shared libraries; `bess export` takes those beside it.".to_owned()
+        }
+        Ok(platforms) => format!("This program carries the shared libraries for {}.", platforms.join(", ")),
+        Err(error) => error.to_string(),
     }
 }
 

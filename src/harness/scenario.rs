@@ -1,6 +1,7 @@
 //! A scenario as something that runs: who takes part, what is connected, what happens when. Computes
 //! nothing and writes nothing.
 
+use super::closed_loop;
 use super::coupling::{Connection, Endpoint, connect};
 use super::description::Causality;
 use super::error::HarnessError;
@@ -66,6 +67,14 @@ pub fn stage(resolved: &Resolved, cast: &Cast) -> Result<(Vec<Box<dyn Participan
     Ok((participants, plan))
 }
 
+impl Cast {
+    /// Who takes part according to the scenario itself.
+    pub fn of(resolved: &Resolved) -> Self {
+        let origin = |fmu: Option<PathBuf>| fmu.map_or(Origin::InProcess, Origin::Fmu);
+        Self { controller: origin(resolved.controller_fmu()), grid: origin(resolved.grid_fmu()) }
+    }
+}
+
 fn in_process<M: Model>(
     name: &str,
     model: Result<M, ModelError>,
@@ -95,24 +104,26 @@ fn names_of_parameters(participant: &dyn Participant) -> impl Iterator<Item = &s
     variables.filter(|v| v.causality == Causality::Parameter).map(|v| v.name.as_str())
 }
 
-fn plan(
+/// The plan that couples these participants, called [`CONTROLLER`] and [`GRID`], as the scenario has it;
+/// `initial` comes before the scenario's own values. Refuses a loop in which a unit or a measurement is amiss.
+pub fn plan(
     resolved: &Resolved,
     participants: &[Box<dyn Participant>],
     mut initial: Vec<Setting>,
 ) -> Result<Plan, HarnessError> {
     let scenario = &resolved.scenario;
-    let table: Vec<Connection> = scenario
-        .connections
+    let table: Vec<Connection> = resolved
+        .wires
         .iter()
-        .map(|c| Connection {
-            from: endpoint(&c.from),
-            to: endpoint(&c.to),
-            factor: c.factor,
-            offset: c.offset,
+        .map(|wire| Connection {
+            from: endpoint(&wire.from),
+            to: endpoint(&wire.to),
+            factor: wire.factor,
+            offset: wire.offset,
         })
         .collect();
     initial.extend(settings(&scenario.initial));
-    Ok(Plan {
+    let plan = Plan {
         start_ns: 0,
         stop_ns: resolved.stop_ns(),
         step_ns: resolved.step_ns(),
@@ -127,7 +138,10 @@ fn plan(
             .iter()
             .map(|event| Event { at_ns: nanoseconds(event.at_s), sets: settings(&event.set) })
             .collect(),
-    })
+    };
+    closed_loop::check_units(participants, &resolved.wires, &plan.connections)?;
+    closed_loop::check_sources(participants, &plan, resolved)?;
+    Ok(plan)
 }
 
 /// `grid.dP_load[12]` as participant and variable; the participant's name ends at the first dot.

@@ -3,7 +3,7 @@
 use super::SystemError;
 use super::part::{Part, Variable};
 use crate::fmi::Causality;
-use crate::scenario::document;
+use crate::scenario::connection::Wire;
 use std::collections::BTreeSet;
 
 /// One wire of the system: `to = factor from + offset`.
@@ -26,13 +26,10 @@ impl Connection<'_> {
 }
 
 /// All wires, in the order of table, components and inputs.
-pub fn between<'a>(
-    parts: &'a [Part],
-    table: &[document::Connection],
-) -> Result<Vec<Connection<'a>>, SystemError> {
+pub fn between<'a>(parts: &'a [Part], table: &[Wire]) -> Result<Vec<Connection<'a>>, SystemError> {
     let mut all: Vec<Connection<'a>> = Vec::new();
-    for (k, line) in table.iter().enumerate() {
-        let path = format!("connections[{k}]");
+    for line in table {
+        let path = format!("connections, {} to {}", line.from, line.to);
         let from = endpoint(parts, &path, &line.from, Causality::Output, "output; as grid.P[1]")?;
         let to = endpoint(parts, &path, &line.to, Causality::Input, "input; as controller.P[1]")?;
         if from.1.kind != to.1.kind {

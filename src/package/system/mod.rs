@@ -7,7 +7,7 @@ mod ssd;
 mod ssv;
 
 use super::archive::{self, Entries};
-use super::{PackageError, controller, grid};
+use super::{Libraries, PackageError, controller, grid};
 use crate::fmi::{Interface, Model};
 use crate::models::{Controller, Grid};
 use crate::scenario::Resolved;
@@ -64,7 +64,7 @@ pub fn write_system(
     path: &Path,
     resolved: &Resolved,
     interface: Interface,
-    libraries: &Path,
+    libraries: &Libraries,
 ) -> Result<(), PackageError> {
     let (controller_model, controller_fmu) = controller(resolved, interface, libraries)?;
     let (grid_model, grid_fmu) = grid(resolved, interface, libraries)?;
@@ -74,7 +74,7 @@ pub fn write_system(
         Part::new(CONTROLLER, controller_model, interface, &start)?,
         Part::new(GRID, grid_model, interface, &start)?,
     ];
-    let connections = connections::between(&parts, &resolved.scenario.connections)?;
+    let connections = connections::between(&parts, &resolved.wires)?;
     let written = |e: std::io::Error| PackageError::Archive { file: path.into(), cause: e.to_string() };
     let mut entries: Entries = [
         ("SystemStructure.ssd".to_owned(), ssd::write(resolved, &parts, &connections).map_err(written)?),
