@@ -60,7 +60,7 @@ impl Rates {
         if pinned {
             frequency(view, flow, &self.zeros, 0.0, u);
         } else {
-            active_power(view, flow, None, None, u);
+            active_power(view, flow, None, u);
         }
     }
 }

@@ -11,11 +11,12 @@ use std::fmt::Write as _;
 
 /// lambda_2 and the certified times of every topology, from the errors at which the droop alone settles.
 pub struct Bounds {
-    eta: f64,
+    /// The scenario's exponent.
+    pub(super) eta: f64,
     /// norm(K_P P - mean), pu.
-    error_p: f64,
+    pub(super) error_p: f64,
     /// norm(omega - 1), pu.
-    error_omega: f64,
+    pub(super) error_omega: f64,
     topologies: Vec<Certified>,
 }
 

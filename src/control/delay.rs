@@ -20,10 +20,12 @@ pub enum Quantity {
     Soc,
     /// The estimate of the mean voltage, pu.
     MeanV,
+    /// P_i - P_set_i, slow enough not to show the exchange's own moves, pu.
+    Share,
 }
 
 /// Number of quantities.
-const QUANTITIES: usize = 6;
+const QUANTITIES: usize = 7;
 /// The slot number of the present values, which are not in the ring yet.
 const PRESENT: u32 = u32::MAX;
 /// Upper bound of the stored values of all slots together; the number of slots follows from it.
@@ -69,6 +71,8 @@ pub struct History {
     n: usize,
     times: Vec<i64>,
     values: Vec<f64>,
+    /// The estimator's transfers at these times, edge by edge; empty while nobody asks for past ones.
+    transfers: Vec<f64>,
     /// Slot of the oldest sample.
     oldest: usize,
     len: usize,
@@ -104,6 +108,25 @@ impl History {
         self.spacing_ns = horizon_ns / (slots as i64 - 3) + 1;
     }
 
+    /// Keeps the transfers of `edges` edges from now on, as 0 in the past unless they were kept already.
+    pub fn keep_transfers(&mut self, edges: usize) {
+        let needed = self.times.len() * edges;
+        if self.transfers.len() != needed {
+            self.transfers = vec![0.0; needed];
+        }
+    }
+
+    /// Lets `carry` take the past transfers over to another graph; it is given the number of values per edge.
+    pub fn carry_transfers(&mut self, carry: impl FnOnce(usize, &[f64]) -> Vec<f64>) {
+        self.transfers = carry(self.times.len(), &self.transfers);
+    }
+
+    /// Whether the transfers kept, if any, are finite and those of `edges` edges.
+    pub fn transfers_fit(&self, edges: usize) -> bool {
+        (self.transfers.is_empty() || self.transfers.len() == self.times.len() * edges)
+            && self.transfers.iter().all(|x| x.is_finite())
+    }
+
     /// Whether the arrays fit `n` agents and each other, and all values are finite.
     pub fn fits(&self, n: usize) -> bool {
         let slots = self.times.len();
@@ -134,9 +157,9 @@ impl History {
         self.times[self.slot(k)]
     }
 
-    /// Adds the sample of `t_ns`. A later one that is there already comes from a run that was rolled
-    /// back, and goes.
-    pub fn push(&mut self, t_ns: i64, signals: &Signals) {
+    /// Adds the sample of `t_ns`: the signals, and by edge the transfers where they are kept. A later one that
+    /// is there already comes from a run that was rolled back, and goes.
+    pub fn push(&mut self, t_ns: i64, signals: &Signals, transfers: &[f64]) {
         if self.times.is_empty() {
             return;
         }
@@ -156,6 +179,9 @@ impl History {
         for (q, values) in signals.0.iter().enumerate() {
             let start = (slot * QUANTITIES + q) * self.n;
             self.values[start..start + self.n].copy_from_slice(values);
+        }
+        for (past, &z) in self.transfers.chunks_exact_mut(self.times.len()).zip(transfers) {
+            past[slot] = z;
         }
     }
 
@@ -199,6 +225,18 @@ impl History {
         }
         let after = self.stored(bracket.after, quantity, i, present);
         before + bracket.fraction * (after - before)
+    }
+
+    /// The transfer of edge `e` at the bracketed time; `present` are the present ones. Where none are kept
+    /// the past is as the present.
+    pub fn transfer(&self, bracket: Bracket, e: usize, present: &[f64]) -> f64 {
+        let kept = self.transfers.get(e * self.times.len()..).unwrap_or_default();
+        let stored = |slot: u32| match kept.get(slot as usize) {
+            Some(&z) if slot != PRESENT => z,
+            _ => present[e],
+        };
+        let before = stored(bracket.before);
+        before + bracket.fraction * (stored(bracket.after) - before)
     }
 }
 
@@ -260,7 +298,7 @@ mod tests {
         let mut history = History::new(1, 500);
         assert_eq!(look(&history, 0, -500, 7.0), 7.0);
         for t in (0..5000).step_by(100) {
-            history.push(t, &signal(t as f64));
+            history.push(t, &signal(t as f64), &[]);
         }
         assert_eq!(look(&history, 5000, 4500, 5000.0), 4500.0);
         assert_eq!(look(&history, 5000, 4550, 5000.0), 4550.0);
@@ -272,7 +310,7 @@ mod tests {
     fn steps_far_finer_than_the_ring_still_reach_back_the_whole_delay() {
         let mut history = History::new(1, 500_000_000);
         for t in (0..2_000_000_000).step_by(10_000) {
-            history.push(t, &signal(t as f64));
+            history.push(t, &signal(t as f64), &[]);
         }
         assert!(history.len() <= 1024);
         let found = look(&history, 2_000_000_000, 1_500_000_000, 2e9);
@@ -283,9 +321,9 @@ mod tests {
     fn a_rolled_back_run_leaves_nothing_behind() {
         let mut history = History::new(1, 500);
         for t in [0, 100, 200, 300] {
-            history.push(t, &signal(1.0));
+            history.push(t, &signal(1.0), &[]);
         }
-        history.push(200, &signal(5.0));
+        history.push(200, &signal(5.0), &[]);
         assert_eq!(history.len(), 3);
         assert_eq!(look(&history, 300, 200, 9.0), 5.0);
     }

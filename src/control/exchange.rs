@@ -1,5 +1,5 @@
 //! (11) as a physical action: power over the edges from the fuller battery to the emptier one, edge by
-//! edge equal and opposite, so that sum P_set = 0 whatever limits. Also the links that were lost.
+//! edge equal and opposite, so that sum P_set = 0 whatever limits. Also the links that ended.
 
 use super::delay::{History, Quantity, Signals};
 use super::discretisation::SignPower;
@@ -25,8 +25,8 @@ pub struct Exchange<'a> {
     pub capacity: &'a [f64],
     /// P_exchange_max_i, pu.
     pub P_max: &'a [f64],
-    /// K_P_i, which turns p_i back into a power.
-    pub K_P: &'a [f64],
+    /// Share of the step's law in the flows, the rest being those of the last step: 1 but while they fade.
+    pub fade: f64,
     /// Limits of the BESS.
     pub limits: &'a LimitTable,
     /// Whether discharging must not become charging, nor charging discharging.
@@ -50,7 +50,7 @@ impl Exchange<'_> {
         for (e, edge) in network.graph.edges().iter().enumerate() {
             let (a, b) = edge.ends();
             let (soc_a, soc_b) = network.agreed(e, history, Quantity::Soc, signals.of(Quantity::Soc));
-            let (p_a, p_b) = network.agreed(e, history, Quantity::P, signals.of(Quantity::P));
+            let (P_a, P_b) = network.agreed(e, history, Quantity::Share, signals.of(Quantity::Share));
             let d = soc_a - soc_b;
             let peers = |i: usize| f64::from(network.graph.peers(i));
             let m = d.abs();
@@ -61,14 +61,15 @@ impl Exchange<'_> {
             let cap = SECONDS_PER_HOUR * least * m / (theta * (1.0 + peers(a).max(peers(b))));
             let wanted = if d == 0.0 { 0.0 } else { law.min(cap) };
             // The fuller end gives, the emptier takes.
-            let ((giver, p_giver, soc_giver), (taker, p_taker, soc_taker)) =
-                if d > 0.0 { ((a, p_a, soc_a), (b, p_b, soc_b)) } else { ((b, p_b, soc_b), (a, p_a, soc_a)) };
-            let give = self.most(giver, p_giver / self.K_P[giver], soc_giver, 1.0) / peers(giver);
-            let take = self.most(taker, p_taker / self.K_P[taker], soc_taker, -1.0) / peers(taker);
+            let ((giver, P_giver, soc_giver), (taker, P_taker, soc_taker)) =
+                if d > 0.0 { ((a, P_a, soc_a), (b, P_b, soc_b)) } else { ((b, P_b, soc_b), (a, P_a, soc_a)) };
+            let give = self.most(giver, P_giver, soc_giver, 1.0) / peers(giver);
+            let take = self.most(taker, P_taker, soc_taker, -1.0) / peers(taker);
             limited[giver] |= wanted > give;
             limited[taker] |= wanted > take;
             let flow = wanted.min(give).min(take).copysign(d);
             let rate = (self.limits.P_set_rate[a] / peers(a)).min(self.limits.P_set_rate[b] / peers(b));
+            let flow = if self.fade < 1.0 { last[e] + self.fade * (flow - last[e]) } else { flow };
             let step = rate * self.h_s;
             flows[e] = if step.is_finite() { flow.min(last[e] + step).max(last[e] - step) } else { flow };
         }
@@ -88,11 +89,13 @@ impl Exchange<'_> {
     }
 }
 
-/// P_set_i = sum_j f_ij + what lost links still carry, pu, for the agents for which `write` holds.
+/// P_set_i = sum_j f_ij + what ended links still carry, pu, for the agents for which `write` holds; `carries`
+/// gives what one of them does.
 pub fn setpoints(
     network: &Network,
     flows: &[f64],
     held: &[HeldLink],
+    carries: impl Fn(&HeldLink) -> f64,
     write: impl Fn(usize) -> bool,
     P_set: &mut [f64],
 ) {
@@ -102,7 +105,7 @@ pub fn setpoints(
         }
     }
     let edges = network.graph.edges().iter().zip(flows).map(|(edge, &f)| (edge.ends(), f));
-    let held = held.iter().map(|link| ((link.a as usize, link.b as usize), link.flow));
+    let held = held.iter().map(|link| ((link.a as usize, link.b as usize), carries(link)));
     for ((a, b), f) in edges.chain(held) {
         for (i, f) in [(a, f), (b, -f)] {
             if write(i) {
@@ -112,8 +115,9 @@ pub fn setpoints(
     }
 }
 
-/// A link that was lost with an agent. Both ends keep its last flow, because an exchange needs two: the
-/// lost agent holds its P_set, the sum stays 0 and nothing jumps. When both are back, the law takes over.
+/// A link that ended while it carried an exchange. Where it was lost with an agent, both ends keep its last
+/// flow, because an exchange needs two: the lost agent holds its P_set, the sum stays 0 and nothing jumps.
+/// Where both ends are there but no longer linked, the flow fades.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeldLink {
     /// The lower end, from 0.
@@ -122,6 +126,13 @@ pub struct HeldLink {
     pub b: u32,
     /// Power from `a` to `b`, pu.
     pub flow: f64,
+}
+
+impl HeldLink {
+    /// Whether both ends are live.
+    pub fn is_between_live(&self, live: &[bool]) -> bool {
+        live[self.a as usize] && live[self.b as usize]
+    }
 }
 
 /// Carries values that belong to the edges of one graph over to another: edges in both keep theirs, new
@@ -140,14 +151,24 @@ pub fn carry_over<T: Copy>(from: &Network, to: &Network, per_edge: usize, values
     carried
 }
 
-/// Brings the held links in line with who is live now: links between two live agents are released, flows
-/// of edges that ended with an agent's leaving are taken up.
-pub fn hold(held: &mut Vec<HeldLink>, before: &Network, flows: &[f64], live: &[bool]) {
-    let lost = |a: u32, b: u32| !live[a as usize] || !live[b as usize];
-    held.retain(|link| lost(link.a, link.b));
+/// The flows over the edges of `now` that go on from those over `before` without a jump: edges in both keep
+/// theirs, ended ones are held, held ones that are back start with what was held.
+pub fn hand_over(held: &mut Vec<HeldLink>, before: &Network, now: &Network, flows: &[f64]) -> Vec<f64> {
+    let mut carried = match carry_over(before, now, 1, flows, 0.0) {
+        kept if kept.is_empty() => vec![0.0; now.graph.edges().len()],
+        kept => kept,
+    };
+    held.retain(|link| match now.graph.find(link.a, link.b) {
+        Some(edge) => {
+            carried[edge] += link.flow;
+            false
+        }
+        None => true,
+    });
     for (edge, &flow) in before.graph.edges().iter().zip(flows) {
-        if lost(edge.a, edge.b) && flow != 0.0 {
+        if flow != 0.0 && now.graph.find(edge.a, edge.b).is_none() {
             held.push(HeldLink { a: edge.a, b: edge.b, flow });
         }
     }
+    carried
 }

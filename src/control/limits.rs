@@ -3,8 +3,12 @@
 
 use super::config::{Limits, SocLimits};
 
-/// Time in which a power beyond its limit is brought back, s (or one step, if that is longer).
-const RECOVERY_S: f64 = 1.0;
+/// Time constant with which a power beyond its limit is brought back, s: long beside a power filter and
+/// an inverter's angle (0.2 s together), so that no loop through them rings.
+const RECOVERY_S: f64 = 0.5;
+/// The same in steps until an action shows, where those are longer: the neighbours, who answer with the same
+/// steps, need a few.
+const RECOVERY_LOOPS: f64 = 5.0;
 /// Width of the band below a power limit in which an agent's part in the sharing falls to zero,
 /// as a share of the limit.
 const BAND: f64 = 0.05;
@@ -78,11 +82,15 @@ pub fn room(x: f64, (low, high): (f64, f64)) -> (f64, f64) {
     (side(high - x, high), side(x - low, low))
 }
 
+/// Time constant with which a power beyond its limit is brought back, s, when an action shows after `loop_s`.
+pub fn recovery(loop_s: f64) -> f64 {
+    (RECOVERY_LOOPS * loop_s).max(RECOVERY_S)
+}
+
 /// Keeps the rate `u` of a setpoint such that the power `x` it drives comes back inside its bounds and
-/// does not leave them: anti-windup, because the setpoint stops where the power stops. `droop` is the
-/// setpoint's change per power, `h_s` the step.
-pub fn hold_back(u: f64, x: f64, (low, high): (f64, f64), droop: f64, h_s: f64) -> f64 {
-    let per_s = droop / h_s.max(RECOVERY_S);
+/// does not leave them: anti-windup, because the setpoint stops where the power stops. `per_s` is the rate per
+/// power beyond the bound, pu/s per pu: the setpoint's change per power over the time constant.
+pub fn hold_back(u: f64, x: f64, (low, high): (f64, f64), per_s: f64) -> f64 {
     // One after the other, since a clamp would panic on bounds that rounding puts in the wrong order.
     u.min((high - x) * per_s).max((low - x) * per_s)
 }
@@ -126,11 +134,11 @@ mod tests {
 
     #[test]
     fn a_power_beyond_its_limit_is_driven_back_and_one_at_its_limit_stays() {
-        assert_eq!(hold_back(1.0, 2.0, (-2.0, 2.0), 0.5, 0.1), 0.0);
-        assert_eq!(hold_back(1.0, 2.2, (-2.0, 2.0), 0.5, 0.1), (2.0 - 2.2) * 0.5);
-        assert_eq!(hold_back(-1.0, 1.9, (-2.0, 2.0), 0.5, 0.1), -1.0);
+        assert_eq!(hold_back(1.0, 2.0, (-2.0, 2.0), 0.5), 0.0);
+        assert_eq!(hold_back(1.0, 2.2, (-2.0, 2.0), 0.5), (2.0 - 2.2) * 0.5);
+        assert_eq!(hold_back(-1.0, 1.9, (-2.0, 2.0), 0.5), -1.0);
         let free = (f64::NEG_INFINITY, f64::INFINITY);
-        assert_eq!(hold_back(-7.0, 1.9, free, 0.5, 0.1), -7.0);
+        assert_eq!(hold_back(-7.0, 1.9, free, 0.5), -7.0);
         let (up, down) = room(1.95, (-2.0, 2.0));
         assert!((up - 0.5).abs() < 1e-12 && down == 1.0);
     }

@@ -9,7 +9,8 @@
 //! | `config`, `communication`, `validate`, `error` | what a controller is made from, and what is wrong with it |
 //! | `graph`, `clustering`, `topology`, `network` | who talks to whom, from distances to the hot path's arrays |
 //! | `protocol`, `discretisation`, `exchange`, `estimator` | the laws (9)-(13), one function per equation |
-//! | `delay`, `lag`, `limits` | what agents know of each other, how late that is, what they can do |
+//! | `delay`, `lag` | what agents know of each other, how late that is |
+//! | `limits`, `authority`, `relay`, `saturation` | what they can do, and what becomes of what they cannot |
 //! | `certificates`, `spectrum` | how long it takes |
 //! | `controller`, `adopt`, `evaluate`, `step`, `state`, `io`, `event` | the controller around them |
 #![forbid(unsafe_code)]
@@ -17,6 +18,7 @@
 #![allow(non_snake_case)]
 
 mod adopt;
+pub mod authority;
 pub mod certificates;
 pub mod clustering;
 pub mod communication;
@@ -35,6 +37,8 @@ pub mod lag;
 pub mod limits;
 pub mod network;
 pub mod protocol;
+pub mod relay;
+mod saturation;
 pub mod spectrum;
 mod state;
 mod step;

@@ -8,6 +8,7 @@
 //! | [`config`] | everything the grid model is made from, with its validation |
 //! | [`admittance`] | the bus admittance matrix |
 //! | [`mod@power_flow`] | the operating point that turns loads into admittances |
+//! | [`sparse`] | linear equations on a static pattern |
 //! | [`load`] | impedance, constant-power and ZIP loads |
 //! | [`plant`], [`network`], [`reduction`], [`lu`], [`workspace`] | what the sources see of the network |
 //! | [`bess`] | the paper's (1) to (3), angle and battery, one function each |
@@ -38,6 +39,7 @@ pub mod network;
 pub mod plant;
 pub mod power_flow;
 pub mod reduction;
+pub mod sparse;
 pub mod state;
 pub mod steady_state;
 pub mod workspace;
@@ -49,5 +51,5 @@ pub use distance::electrical_distances;
 pub use error::GridError;
 pub use load::LoadModel;
 pub use model::GridModel;
-pub use power_flow::{PowerFlow, Start, power_flow};
+pub use power_flow::{Convergence, PowerFlow, PowerFlowSolver, Start, power_flow};
 pub use state::{Inputs, Parameters, State};

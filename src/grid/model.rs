@@ -139,7 +139,7 @@ impl GridModel {
         let now = conditions(&self.state);
         let mut network = self.network.clone();
         network.update(&now)?;
-        let mut found = steady_state(&network.reduced(), inputs, parameters)?;
+        let mut found = steady_state(&network, inputs, parameters)?;
         if self.load_model.is_linear() {
             return Ok(found);
         }
@@ -164,7 +164,7 @@ impl GridModel {
                 return Ok(found);
             }
             network.rebuild(&now, Some(&extra))?;
-            found = steady_state(&network.reduced(), inputs, parameters)?;
+            found = steady_state(&network, inputs, parameters)?;
         }
         Err(GridError::Loads { residual: change })
     }

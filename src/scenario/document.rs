@@ -6,7 +6,7 @@ use super::connection::Connection;
 use super::units::Bases;
 use crate::control::communication::{ExplicitTopology, Inside, StepByStepTopology, Weights};
 use crate::control::config::{
-    Channel, Discretisation, Gains, Law, MeasurementFilter, SocLimits, VoltagePolicy,
+    Channel, Discretisation, EXCHANGE_FADE_S, Gains, Law, MeasurementFilter, SocLimits, VoltagePolicy,
 };
 use crate::grid::{LoadModel, NetworkMethod, Tolerances};
 use schemars::JsonSchema;
@@ -209,6 +209,8 @@ pub struct Control {
     /// Time in which the last exchange over a lost link fades, s; without it, it is held.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lost_link_fade_s: Option<f64>,
+    /// Time in which the energy exchange fades in after enabling, and when links come and go, s.
+    pub exchange_fade_s: f64,
     /// Jitter and loss of messages, seeded.
     pub channel: Channel,
 }
@@ -231,6 +233,7 @@ impl Default for Control {
             measurement_filter: MeasurementFilter::default(),
             no_circulation: false,
             lost_link_fade_s: None,
+            exchange_fade_s: EXCHANGE_FADE_S,
             channel: Channel::default(),
         }
     }

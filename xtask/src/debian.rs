@@ -24,6 +24,8 @@ pub enum Need {
     Python,
     /// A browser without a window.
     Chromium,
+    /// Threading Building Blocks, which the master Ecos is linked with.
+    Tbb,
 }
 
 impl Need {
@@ -35,6 +37,7 @@ impl Need {
             Need::Libclang => std::env::var_os("LIBCLANG_PATH").is_some() || find_libclang(Path::new("/usr")),
             Need::Python => succeeds(Command::new("python3").args(["-c", PYTHON_IS_FIT])),
             Need::Chromium => on_path("chromium").is_some(),
+            Need::Tbb => find_library(Path::new("/usr"), "libtbb.so.12"),
         }
     }
 
@@ -45,6 +48,7 @@ impl Need {
             Need::Libclang => &["libclang-dev"],
             Need::Python => &["python3", "python3-venv"],
             Need::Chromium => &["chromium"],
+            Need::Tbb => &["libtbb12"],
         }
     }
 
@@ -58,6 +62,7 @@ impl Need {
                 format!("no python3 of 3.11 or later with venv: {}", install_line(self.packages()))
             }
             Need::Chromium => format!("chromium is missing: {}", install_line(self.packages())),
+            Need::Tbb => format!("libtbb.so.12 is missing: {}", install_line(self.packages())),
         }
     }
 }
@@ -103,20 +108,25 @@ fn is_root(workspace: &Workspace) -> bool {
     output(command(workspace, "id").arg("-u")).is_ok_and(|id| id.trim() == "0")
 }
 
+/// Where distributions put shared libraries.
+const LIBRARY_FOLDERS: [&str; 5] =
+    ["lib", "lib64", "local/lib", "lib/x86_64-linux-gnu", "lib/aarch64-linux-gnu"];
+
+/// Whether a shared library lies where distributions put it.
+fn find_library(prefix: &Path, name: &str) -> bool {
+    LIBRARY_FOLDERS.iter().any(|folder| prefix.join(folder).join(name).exists())
+}
+
 /// Whether `libclang.so`, which only the development package has, lies where distributions put it.
 fn find_libclang(prefix: &Path) -> bool {
-    let mut folders: Vec<PathBuf> =
-        ["lib", "lib64", "local/lib", "lib/x86_64-linux-gnu", "lib/aarch64-linux-gnu"]
-            .iter()
-            .map(|folder| prefix.join(folder))
-            .collect();
+    let mut folders: Vec<PathBuf> = Vec::new();
     if let Ok(entries) = std::fs::read_dir(prefix.join("lib")) {
         let llvm = entries.flatten().map(|entry| entry.path());
         folders.extend(
             llvm.filter(|path| path.to_string_lossy().contains("llvm-")).map(|path| path.join("lib")),
         );
     }
-    folders.iter().any(|folder| folder.join("libclang.so").exists())
+    find_library(prefix, "libclang.so") || folders.iter().any(|folder| folder.join("libclang.so").exists())
 }
 
 #[cfg(test)]

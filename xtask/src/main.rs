@@ -7,6 +7,7 @@ mod debian;
 mod error;
 mod fmu;
 mod generate;
+mod licenses;
 mod process;
 mod python;
 mod scenario;

@@ -8,10 +8,11 @@ use crate::{
 };
 use std::path::PathBuf;
 
-/// The interpreter of the virtual environment for `tests/SUITE`, with everything installed that
-/// `tests/SUITE/requirements.txt` pins. Suites are apart, because the masters ask for packages that clash.
+/// The interpreter of the virtual environment for `tests/SUITE` (`fmpy`, or `masters/cofmupy` for a part of a
+/// suite), with everything installed that `tests/SUITE/requirements.txt` pins. Suites are apart, because the
+/// masters ask for packages that clash.
 pub fn environment(workspace: &Workspace, suite: &str) -> Result<PathBuf, Failure> {
-    let folder = workspace.target.join("venv").join(suite);
+    let folder = workspace.target.join("venv").join(suite.replace('/', "-"));
     let python = folder.join("bin/python");
     let stamp = folder.join("made-from.txt");
 

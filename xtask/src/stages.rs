@@ -39,6 +39,8 @@ pub enum Stage {
     Fmu,
     /// The FMUs in FMPy, against the reference data
     Fmpy,
+    /// Case 1 in the masters of others, and the .ssp
+    Masters,
     /// Grids of other people: pandapower as an FMU, ANDES in Python
     Grids,
     /// The cases of the paper through the harness
@@ -58,6 +60,7 @@ impl Stage {
             Stage::Bindings => "bindings",
             Stage::Fmu => "fmu",
             Stage::Fmpy => "fmpy",
+            Stage::Masters => "masters",
             Stage::Grids => "grids",
             Stage::Run => "run",
             Stage::Browser => "browser",
@@ -71,6 +74,7 @@ impl Stage {
             Stage::Clippy => &[Need::Clippy],
             Stage::Bindings => &[Need::Libclang],
             Stage::Fmpy | Stage::Grids => &[Need::Python],
+            Stage::Masters => &[Need::Python, Need::Tbb],
             Stage::Browser => &[Need::Python, Need::Chromium],
             Stage::Rust | Stage::Doc | Stage::Fmu | Stage::Run => &[],
         }
@@ -79,7 +83,7 @@ impl Stage {
     /// The stages whose work this one uses.
     fn after(self) -> &'static [Stage] {
         match self {
-            Stage::Fmpy | Stage::Grids | Stage::Run => &[Stage::Fmu],
+            Stage::Fmpy | Stage::Masters | Stage::Grids | Stage::Run => &[Stage::Fmu],
             Stage::Browser => &[Stage::Fmu, Stage::Run],
             _ => &[],
         }
@@ -101,6 +105,12 @@ impl Stage {
             Stage::Bindings => bindings::check(workspace),
             Stage::Fmu => fmu::build_and_pack(workspace),
             Stage::Fmpy => start(tests_in_python(workspace, "fmpy")?.args(pytest)),
+            Stage::Masters => {
+                // CoFmuPy wants another FMPy than the rest.
+                let cofmupy = python::environment(workspace, "masters/cofmupy")?;
+                let mut test = tests_in_python(workspace, "masters")?;
+                start(test.env("BESS_COFMUPY_PYTHON", cofmupy).args(pytest))
+            }
             Stage::Grids => start(tests_in_python(workspace, "grids")?.args(pytest)),
             Stage::Run => CASES.iter().try_for_each(|case| scenario::run(workspace, Path::new(case), &[])),
             Stage::Browser => CASES.iter().try_for_each(|case| {
