@@ -243,6 +243,27 @@ fn a_scenario_names_its_fmu_beside_itself() {
     assert!(error.contains("Mine.fmu"), "{error}");
 }
 
+/// Nothing but the batteries, the distances between them and the FMU: no network.
+#[test]
+fn a_grid_of_ones_own_needs_no_case() {
+    let none = |more: &[(&str, Value)]| {
+        let mut set = vec![("grid.case", json!("none")), ("connections", foreign_table())];
+        set.extend(more.iter().cloned());
+        resolved(&set)
+    };
+    let error = none(&[]).unwrap_err();
+    assert!(error.contains("communication.distance") && error.contains("communication.graphs"), "{error}");
+    let distance = |i: u32, j: u32| if i == j { 0.0 } else { 1.0 + f64::from(i + j) };
+    let distances: Vec<Vec<f64>> = (0..7).map(|i| (0..7).map(|j| distance(i, j)).collect()).collect();
+    let given = ("communication.distance", json!({"given": distances}));
+    let error = none(&[given.clone(), ("bases", json!({"kV": 138}))]).unwrap_err();
+    assert!(error.contains("bases.MVA"), "{error}");
+    let resolved = none(&[given, ("stop_s", json!(1))]).unwrap();
+    commanded(&resolved, true).unwrap();
+    let error = stage(&resolved, &Cast::default()).err().unwrap().to_string();
+    assert!(error.contains("grid.case is \"none\"") && error.contains("--grid"), "{error}");
+}
+
 impl Participant for Foreign {
     fn name(&self) -> &str {
         self.inside.name()

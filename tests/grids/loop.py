@@ -9,8 +9,8 @@ from fmpy.fmi2 import FMU2Slave
 MEASUREMENTS = ["P", "Q", "V", "omega", "E"]
 SETPOINTS = ["omega_set", "V_set", "P_set", "Q_set"]
 
-# Settled: 1e-5 pu of frequency are 0.6 mHz, and 1e-5 of K_P P are 0.25 pu of K_P = 0.004's thousandth, 0.25 MW of
-# the 12 pu that the batteries carry. Finer is not to be had while the energy exchange moves P_set.
+# Settled: 1e-5 pu of frequency are 0.6 mHz; 1e-5 of K_P P are 0.25 MW, of the 1250 MW that the batteries carry.
+# Finer is not to be had while the energy exchange moves P_set and stirs the network.
 SETTLED = 1e-5
 
 
