@@ -24,6 +24,10 @@ pub enum Need {
     Python,
     /// A browser without a window.
     Chromium,
+    /// GNU Octave, which runs MATPOWER.
+    Octave,
+    /// Counts instructions.
+    Valgrind,
 }
 
 impl Need {
@@ -35,6 +39,8 @@ impl Need {
             Need::Libclang => std::env::var_os("LIBCLANG_PATH").is_some() || find_libclang(Path::new("/usr")),
             Need::Python => succeeds(Command::new("python3").args(["-c", PYTHON_IS_FIT])),
             Need::Chromium => on_path("chromium").is_some(),
+            Need::Octave => on_path("octave-cli").is_some(),
+            Need::Valgrind => on_path("valgrind").is_some(),
         }
     }
 
@@ -45,6 +51,8 @@ impl Need {
             Need::Libclang => &["libclang-dev"],
             Need::Python => &["python3", "python3-venv"],
             Need::Chromium => &["chromium"],
+            Need::Octave => &["octave"],
+            Need::Valgrind => &["valgrind"],
         }
     }
 
@@ -58,6 +66,8 @@ impl Need {
                 format!("no python3 of 3.11 or later with venv: {}", install_line(self.packages()))
             }
             Need::Chromium => format!("chromium is missing: {}", install_line(self.packages())),
+            Need::Octave => format!("octave is missing: {}", install_line(self.packages())),
+            Need::Valgrind => format!("valgrind is missing: {}", install_line(self.packages())),
         }
     }
 }
