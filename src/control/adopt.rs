@@ -135,9 +135,9 @@ impl Controller {
         } else {
             carry_over(before, &self.network, 1, &state.transfers, 0.0)
         };
-        state.history.carry_transfers(|per_edge, past| {
-            carry_over(before, &self.network, per_edge, past, 0.0)
-        });
+        state
+            .history
+            .carry_transfers(|per_edge, past| carry_over(before, &self.network, per_edge, past, 0.0));
         state.received_ns = match carry_over(before, &self.network, 2, &state.received_ns, i64::MIN) {
             kept if kept.is_empty() => self.scratch.received_ns.clone(),
             kept => kept,

@@ -13,6 +13,13 @@ use super::network::Room;
 use super::protocol::{View, active_power, average_voltage, energy, frequency, reactive_power, voltage};
 use super::time::seconds;
 
+/// Least boundary layer with `voltage_policy = "average"`, as a share of the longest delay. An agent that goes to
+/// where its neighbours were tau ago at once (theta = h, h far below tau) makes two halves of an even graph take
+/// turns, damped by nothing but theta; that goes on for the longer, the finer the steps, and what it stirs in
+/// P and Q the average voltage has to follow. Where the layer grows with the delay, the run does not depend on the
+/// step. From 1/30 the turns linger, beyond 1/10 the sharing itself is slow; in between it hardly matters.
+const DELAY_LAYER: f64 = 1.0 / 20.0;
+
 /// A power, and the least and largest that it may be.
 type Bounded = (f64, (f64, f64));
 
@@ -101,7 +108,13 @@ impl Controller {
     /// A flow law of one quantity for a step of `h_s`, its measurements late by `lag`.
     pub(super) fn flow(&self, gain: f64, lag: &Lag, h_s: f64) -> Flow {
         let parameters = &self.state.parameters;
-        let theta_s = boundary_layer(parameters.discretisation, lag.widening() * h_s, parameters.theta_min);
+        let least_s = match parameters.voltage_policy {
+            VoltagePolicy::Average => {
+                parameters.theta_min.max(DELAY_LAYER * seconds(self.network.longest_delay_ns()))
+            }
+            VoltagePolicy::Paper => parameters.theta_min,
+        };
+        let theta_s = boundary_layer(parameters.discretisation, lag.widening() * h_s, least_s);
         Flow::new(self.power(), gain, theta_s)
     }
 

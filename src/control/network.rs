@@ -32,6 +32,7 @@ pub struct Network {
     pub round_shares: Vec<f64>,
     /// tau of each edge, ns.
     pub delays_ns: Vec<i64>,
+    longest_delay_ns: i64,
     /// For each edge, when what `a` knows of `b`, and `b` of `a`, was true. Empty while all is present.
     known: Vec<[Bracket; 2]>,
     /// The same at both ends: the older of the two.
@@ -60,12 +61,26 @@ impl Network {
         let shares =
             graph.edges().iter().map(|e| share(graph.degree(e.a as usize).max(graph.degree(e.b as usize))));
         let pins = graph.pins().iter().enumerate().filter(|&(_, &weight)| weight > 0.0);
-        let pins = pins.map(|(agent, &weight)| Pin { agent, weight, share: share(graph.degree(agent)), delay_ns: 0 });
+        let pins = pins.map(|(agent, &weight)| Pin {
+            agent,
+            weight,
+            share: share(graph.degree(agent)),
+            delay_ns: 0,
+        });
         let peers = |e: &Edge| f64::from(graph.peers(e.a as usize).max(graph.peers(e.b as usize)));
         let round_shares = graph.edges().iter().map(|e| 1.0 / (0.5 + peers(e))).collect();
         let (shares, pins) = (shares.collect(), pins.collect());
         let delays_ns = vec![0; graph.edges().len()];
-        Self { graph, pins, shares, round_shares, delays_ns, known: Vec::new(), agreed: Vec::new() }
+        Self {
+            graph,
+            pins,
+            shares,
+            round_shares,
+            delays_ns,
+            longest_delay_ns: 0,
+            known: Vec::new(),
+            agreed: Vec::new(),
+        }
     }
 
     /// Sets the delay of the edges that have none of their own, and makes room for what they need.
@@ -73,6 +88,7 @@ impl Network {
         for (delay, edge) in self.delays_ns.iter_mut().zip(self.graph.edges()) {
             *delay = edge.delay_ns.unwrap_or(common_ns);
         }
+        self.longest_delay_ns = self.delays_ns.iter().copied().max().unwrap_or(0);
         for pin in &mut self.pins {
             let own = self.delays_ns.iter().zip(self.graph.edges());
             let own = own.filter(|(_, edge)| edge.a as usize == pin.agent || edge.b as usize == pin.agent);
@@ -85,7 +101,7 @@ impl Network {
 
     /// The longest delay, ns.
     pub fn longest_delay_ns(&self) -> i64 {
-        self.delays_ns.iter().copied().max().unwrap_or(0)
+        self.longest_delay_ns
     }
 
     /// Finds out what the agents know of each other at `now_ns`, sample number `sample`. With a lossy
@@ -166,7 +182,9 @@ impl Network {
         let (a, b) = self.graph.edges()[e].ends();
         match self.agreed.get(e) {
             None => (x[a], x[b]),
-            Some(&Agreed { at, .. }) => (history.value(at, quantity, a, x), history.value(at, quantity, b, x)),
+            Some(&Agreed { at, .. }) => {
+                (history.value(at, quantity, a, x), history.value(at, quantity, b, x))
+            }
         }
     }
 
