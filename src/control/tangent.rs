@@ -90,6 +90,9 @@ impl Controller {
             let power = SignPower::new(self.fixed.law, Dual::new(self.state.parameters.eta, d.eta));
             let discretisation = self.state.parameters.discretisation;
             let theta_min = Dual::new(self.state.parameters.theta_min, d.theta_min);
+            let of_delay = if self.network.longest_follows_common() { d.delay } else { 0.0 };
+            let longest_delay = Dual::new(seconds(self.network.longest_delay_ns()), of_delay);
+            let theta_min = self.least_layer(theta_min, longest_delay);
             let tuned = Tuned { power, discretisation, theta_min };
             let past = Dual::new(0.0, if direction == Direction::Time { -1.0 } else { 0.0 });
             let late = Lateness { past, delay: Dual::new(0.0, d.delay) };
