@@ -47,7 +47,7 @@ fn scatter(instance: &mut Instance<Controller>, scatter: &mut Scatter) {
     }
     let (energy, capacity) = (references(instance, &["E"]), references(instance, &["capacity"]));
     let capacity = read(instance, &capacity);
-    let values: Vec<f64> = capacity.iter().map(|C| C * (0.6 + 0.2 * scatter.next())).collect();
+    let values: Vec<f64> = capacity.iter().map(|capacity| capacity * (0.6 + 0.2 * scatter.next())).collect();
     instance.set_real(&energy, &values).unwrap();
 }
 

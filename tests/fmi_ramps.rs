@@ -51,7 +51,10 @@ fn largest(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-const GRIDS: [(&str, &[(&str, &str)], &[&str]); 4] = [
+/// Scenario, changed keys, switches on.
+type Case = (&'static str, &'static [(&'static str, &'static str)], &'static [&'static str]);
+
+const GRIDS: [Case; 4] = [
     ("case1", &[], &[]),
     ("case1", &[("grid.network", "\"sparse\"")], &[]),
     ("case2", &[], &["tie_closed"]),
