@@ -184,13 +184,9 @@ impl Controller {
             if constant_s <= 0.0 {
                 continue;
             }
-            let left = (-elapsed_s / constant_s).exp();
-            let rate = if direction == Direction::Time { left / constant_s } else { 0.0 };
-            let share = Dual::new(1.0 - left, rate);
             for i in 0..n {
-                let last = Dual::constant(self.state.filtered[k * n + i]);
                 let signal = &mut signals.of_mut(quantity)[i];
-                *signal = last + share * (*signal - last);
+                *signal = filtered(direction, *signal, self.state.filtered[k * n + i], elapsed_s, constant_s);
             }
         }
     }
@@ -203,13 +199,11 @@ impl Controller {
         let clock = self.state.clock;
         let loop_s = self.state.lags.frequency.loop_steps() * seconds(clock.step_ns);
         let constant_s = (SHARE_LOOPS * loop_s).max(SHARE_S);
-        let left = (-seconds((clock.now_ns - clock.sampled_ns).max(0)) / constant_s).exp();
-        let rate = if direction == Direction::Time { left / constant_s } else { 0.0 };
-        let new = if clock.samples > 0 { Dual::new(1.0 - left, rate) } else { Dual::constant(1.0) };
+        let elapsed_s = seconds((clock.now_ns - clock.sampled_ns).max(0));
         for (i, &last) in self.state.shares.iter().enumerate() {
-            let (P, last) = (signals.of(Quantity::P)[i], Dual::constant(last));
-            let P = P / Dual::constant(self.state.parameters.K_P[i]);
-            signals.of_mut(Quantity::Share)[i] = last + new * (P - last);
+            let P = signals.of(Quantity::P)[i] / Dual::constant(self.state.parameters.K_P[i]);
+            signals.of_mut(Quantity::Share)[i] =
+                if clock.samples > 0 { filtered(direction, P, last, elapsed_s, constant_s) } else { P };
         }
     }
 
@@ -271,5 +265,16 @@ impl Controller {
         for (u, _) in u_E.iter_mut().zip(live).filter(|(_, live)| !**live) {
             *u = Dual::default();
         }
+    }
+}
+
+/// What a first-order lag that stood at `last` makes of a measurement `x` after `elapsed_s`. It follows a change of
+/// the measurement by its share; in time it moves by its own equation, (x - y) / T.
+fn filtered(direction: Direction, x: Dual, last: f64, elapsed_s: f64, constant_s: f64) -> Dual {
+    let left = (-elapsed_s / constant_s).exp();
+    let y = last + (1.0 - left) * (x.value - last);
+    match direction {
+        Direction::Knowns => Dual::new(y, (1.0 - left) * x.tangent),
+        Direction::Time => Dual::new(y, (x.value - y) / constant_s),
     }
 }
