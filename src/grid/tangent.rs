@@ -175,7 +175,8 @@ impl GridModel {
         let k = &self.state.parameters;
         let loads = d.inputs.clone();
         let mut none = loads.clone();
-        (none.dP_load.fill(0.0), none.dQ_load.fill(0.0));
+        none.dP_load.fill(0.0);
+        none.dQ_load.fill(0.0);
         let mut jacobian = Mat::<f64>::zeros(2 * n, 2 * n);
         for column in 0..2 * n {
             if islanded && column == 0 {
