@@ -142,12 +142,12 @@ fn a_wrong_table_says_what_and_where() {
     );
     refused(with(0, "to", json!("controler.P[{i}]")), &["no participant \"controler\"", "controller, grid"]);
     refused(
-        with(0, "from", json!("grid.plant.bess[{bus}].P0")),
-        &["plant.bess[1].P0 is input Real", "an output"],
+        with(0, "from", json!("grid.plant.bess[{bus}].Q0")),
+        &["plant.bess[1].Q0 is input Real", "an output"],
     );
     refused(
-        with(5, "to", json!("grid.plant.bess[{bus}].w")),
-        &["plant.bess[1].w is output Real", "an input"],
+        with(5, "to", json!("grid.plant.bess[{bus}].v")),
+        &["plant.bess[1].v is output Real", "an input"],
     );
     refused(
         with(1, "to", json!("controller.P[{i}]")),
