@@ -154,8 +154,8 @@ impl LoadedLibrary {
     /// Loads the library of an FMU unpacked at `folder`. Loading runs code of the FMU.
     pub fn load(folder: &Path, description: &ModelDescription) -> Result<Self, LibraryError> {
         let path = find(folder, &description.model_identifier)?;
-        let library = open(&path)
-            .map_err(|error| LibraryError::Load { path: path.clone(), reason: error.to_string() })?;
+        let library =
+            open(&path).map_err(|error| LibraryError::Load { path: path.clone(), reason: whole(&error) })?;
         let functions = Functions::resolve(&library)
             .map_err(|missing| LibraryError::Missing { path: path.clone(), missing })?;
         // SAFETY: both take nothing and return a static string or NULL.
@@ -185,6 +185,14 @@ fn open(path: &Path) -> Result<Library, libloading::Error> {
 fn open(path: &Path) -> Result<Library, libloading::Error> {
     // SAFETY: the library's constructors run; the user chose to run this FMU.
     unsafe { Library::new(path) }
+}
+
+/// An error with its cause: what the loader really says is there.
+fn whole(error: &libloading::Error) -> String {
+    match std::error::Error::source(error) {
+        Some(cause) => format!("{error}: {cause}"),
+        None => error.to_string(),
+    }
 }
 
 /// The library's absolute path.
