@@ -10,7 +10,7 @@
 //! | [`fmi`] | FMI 2.0 and nothing of physics |
 //! | [`scenario`] | the user's JSON and its validation |
 //! | [`models`] | the two FMUs: control and grid behind the trait of `fmi` |
-//! | [`package`] | the `.fmu` archives |
+//! | [`package`] | the `.fmu` archives, and the `.ssp` of both |
 //! | [`harness`] | the importer side: load, couple, record |
 //! | [`check`] | what is wrong with an FMU |
 //! | [`report`] | what a person looks at |

@@ -1,12 +1,12 @@
-//! `bess export`: an FMU for a scenario.
+//! `bess export`: an FMU for a scenario, or both as one system.
 
 use super::{Failure, ScenarioArgs};
-use crate::fmi::Model;
+use crate::fmi::{Interface, Model};
 use crate::models::{Controller, Grid};
-use crate::package::{self, PackageError};
+use crate::package::{self, Libraries, PackageError};
 use crate::scenario::Resolved;
 use clap::{Args, ValueEnum};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What an FMU can be written of.
 #[derive(Clone, Copy, ValueEnum)]
@@ -15,6 +15,8 @@ pub enum Part {
     Controller,
     /// The power network with its batteries
     Grid,
+    /// Both, connected: a .ssp (SSP 1.0)
+    System,
 }
 
 /// The command line of `bess export`.
@@ -22,32 +24,46 @@ pub enum Part {
 #[command(after_help = "Examples:
   bess export controller case1
   bess export controller mine.json -o fmu/Mine.fmu
-  bess export grid case1 --set grid.case=my_case.m")]
+  bess export grid case1 --set grid.case=my_case.m
+  bess export controller mine.json --portable     P_1 in place of P[1], nothing but Reals
+  bess export system mine.json -o mine.ssp        both FMUs, connected
+
+A system starts with the scenario's `initial` values and its events at 0 s, and with the controller on unless
+those say otherwise; later events are left to the master that opens it.")]
 pub struct ExportArgs {
     /// What to export
     part: Part,
     #[command(flatten)]
     scenario: ScenarioArgs,
-    /// The FMU to write [default: BessConsensus.fmu or BessGrid.fmu]
+    /// The file to write [default: BessConsensus.fmu, BessGrid.fmu or BessSystem.ssp]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Folder with the shared libraries [default: beside this program]
+    /// Names that are C identifiers (P_1) and Reals only (true from 0.5 on), for tools that know nothing else
+    #[arg(long)]
+    portable: bool,
+    /// Folder with the shared libraries: linux64/, win64/, aarch64-linux/, or a cargo target folder
+    /// [default: those that this program carries; if it carries none, those beside it]
     #[arg(long, value_name = "DIR")]
     libraries: Option<PathBuf>,
 }
 
 /// Writes the FMU and says where it is.
-pub fn export(args: &ExportArgs) -> Result<(), Failure> {
+pub fn export(args: &ExportArgs, carried: &'static [u8]) -> Result<(), Failure> {
     let resolved = args.scenario.resolve()?;
-    let libraries = args.libraries.clone().unwrap_or_else(beside_this_program);
-    let identifier = match args.part {
-        Part::Controller => Controller::IDENTIFIER,
-        Part::Grid => Grid::IDENTIFIER,
+    let libraries = chosen(args.libraries.as_deref(), carried);
+    let (identifier, extension) = match args.part {
+        Part::Controller => (Controller::IDENTIFIER, "fmu"),
+        Part::Grid => (Grid::IDENTIFIER, "fmu"),
+        Part::System => ("BessSystem", "ssp"),
     };
-    let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{identifier}.fmu")));
-    write(args.part, &resolved, &output, &libraries).map_err(|error| {
+    let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{identifier}.{extension}")));
+    let interface = if args.portable { Interface::Portable } else { Interface::Structured };
+    // A system holds both models, built for the same platforms.
+    let model = if matches!(args.part, Part::Grid) { Grid::IDENTIFIER } else { Controller::IDENTIFIER };
+    let written = write(args.part, &resolved, interface, &output, &libraries);
+    let platforms = written.and_then(|()| libraries.platforms(model)).map_err(|error| {
         let report = match &error {
-            PackageError::NoLibrary { .. } => {
+            PackageError::NoLibrary { .. } | PackageError::NotCarried { .. } => {
                 miette::miette!(
                     help = "build it with `cargo xtask fmu`, or name its folder with --libraries",
                     "{error}"
@@ -55,22 +71,46 @@ pub fn export(args: &ExportArgs) -> Result<(), Failure> {
             }
             _ => miette::miette!("{error}"),
         };
-        Failure { report, code: 1 }
+        // What the scenario says is the user's; the rest is the file's or the machine's.
+        let code = if matches!(error, PackageError::System(_)) { 2 } else { 1 };
+        Failure { report, code }
     })?;
-    eprintln!("wrote {}", output.display());
+    eprintln!("wrote {} ({})", output.display(), platforms.join(", "));
     Ok(())
 }
 
-/// Writes one part of a resolved scenario as an FMU.
+/// Writes what is asked for of a resolved scenario.
 fn write(
     part: Part,
     resolved: &Resolved,
-    output: &std::path::Path,
-    libraries: &std::path::Path,
+    interface: Interface,
+    output: &Path,
+    libraries: &Libraries,
 ) -> Result<(), PackageError> {
     match part {
-        Part::Controller => package::write_controller(output, resolved, libraries),
-        Part::Grid => package::write_grid(output, resolved, libraries),
+        Part::Controller => package::write_controller(output, resolved, interface, libraries),
+        Part::Grid => package::write_grid(output, resolved, interface, libraries),
+        Part::System => package::write_system(output, resolved, interface, libraries),
+    }
+}
+
+/// What is named counts first, then what the program carries; beside it they lie only after a plain cargo build.
+fn chosen(named: Option<&Path>, carried: &'static [u8]) -> Libraries {
+    match named {
+        Some(folder) => Libraries::Folder(folder.to_owned()),
+        None if !carried.is_empty() => Libraries::Carried(carried),
+        None => Libraries::Folder(beside_this_program()),
+    }
+}
+
+/// What this program carries, in a sentence for `--help` and `--version`.
+pub fn carries(carried: &'static [u8]) -> String {
+    match Libraries::Carried(carried).platforms(Controller::IDENTIFIER) {
+        Ok(platforms) if platforms.is_empty() => {
+            "This program carries no shared libraries; `bess export` takes those beside it.".to_owned()
+        }
+        Ok(platforms) => format!("This program carries the shared libraries for {}.", platforms.join(", ")),
+        Err(error) => error.to_string(),
     }
 }
 

@@ -12,7 +12,7 @@ mod run;
 mod show;
 
 use crate::scenario::Resolved;
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use miette::{IntoDiagnostic, Report};
 use serde_json::{Map, Value};
 use std::path::PathBuf;
@@ -37,7 +37,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Write an FMU for a scenario
+    /// Write an FMU for a scenario, or both FMUs connected (.ssp)
     Export(export::ExportArgs),
     /// Couple controller and grid, simulate, and leave trajectory.csv, summary.json and report.html
     Run(run::RunArgs),
@@ -102,10 +102,13 @@ impl Failure {
 }
 
 /// Runs the command line; what is printed on standard output is the result alone.
-pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+///
+/// `carried` is the zip archive of shared libraries inside the program, empty if there is none.
+pub fn main(carried: &'static [u8]) -> ExitCode {
+    let cli =
+        Cli::from_arg_matches(&command_line(carried).get_matches()).unwrap_or_else(|error| error.exit());
     let done = match cli.command {
-        Command::Export(args) => export::export(&args),
+        Command::Export(args) => export::export(&args, carried),
         Command::Run(args) => run::run(&args),
         Command::Cluster(args) => cluster::cluster(&args),
         Command::Bounds(args) => bounds::bounds(&args),
@@ -128,6 +131,17 @@ pub fn main() -> ExitCode {
             ExitCode::from(code)
         }
     }
+}
+
+/// The command line, with what this very program carries in `bess --version` and `bess export --help`.
+fn command_line(carried: &'static [u8]) -> clap::Command {
+    let carries = export::carries(carried);
+    // clap keeps the version as `&'static str`; one a process is no leak that grows.
+    let version: &'static str = format!("{}\n{carries}", env!("CARGO_PKG_VERSION")).leak();
+    Cli::command().long_version(version).mut_subcommand("export", |export| {
+        let examples = export.get_after_help().map(ToString::to_string).unwrap_or_default();
+        export.after_help(format!("{examples}\n\n{carries}"))
+    })
 }
 
 /// Prints to standard output; a closed pipe (`bess schema | head`) is no error.

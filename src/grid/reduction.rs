@@ -44,7 +44,7 @@ impl Reduction {
             r_load: vec![0.0; n_load * n_load],
             x_load: vec![0.0; n_load * n_load],
             from_load: vec![c64::ZERO; n * n_load],
-            scratch: lu.scratch((n + 1).max(n_load)),
+            scratch: lu.scratch(),
         }
     }
 
@@ -91,15 +91,6 @@ impl Reduction {
         let finite = self.g.iter().chain(&self.b).all(|x| x.is_finite())
             && self.transfer.iter().chain(&self.z_load).all(|z| z.is_finite());
         if finite { Ok(()) } else { Err(GridError::Singular { what: "the network with its present loads" }) }
-    }
-
-    /// The reduced admittance between source `i` and source `s` (`s = n`: the main grid), pu.
-    pub fn admittance(&self, i: usize, s: usize) -> c64 {
-        if s == self.n {
-            c64::new(self.i_tie[i].0, self.i_tie[i].1)
-        } else {
-            c64::new(self.g[s * self.n + i], self.b[s * self.n + i])
-        }
     }
 
     /// Source currents from the source voltages in the workspace.

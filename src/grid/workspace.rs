@@ -16,8 +16,10 @@ pub struct Workspace {
     pub i_re: Vec<f64>,
     /// Imaginary part.
     pub i_im: Vec<f64>,
-    /// Bus voltages, pu; filled by `voltages`, and by `currents` of the sparse method.
+    /// Bus voltages, pu; filled by `voltages`.
     pub v: Vec<c64>,
+    /// Voltages at the packed rows of the sparse method, pu.
+    pub(super) v_active: Vec<c64>,
     /// Voltages at the loads that are not impedances, pu.
     pub(super) v_load: Vec<c64>,
     /// The same without the currents of those loads.
@@ -33,13 +35,14 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    pub(super) fn new(n: usize, n_bus: usize, n_load: usize, scratch: Scratch) -> Self {
+    pub(super) fn new(n: usize, n_bus: usize, n_load: usize, n_active: usize, scratch: Scratch) -> Self {
         Self {
             e_re: vec![0.0; n],
             e_im: vec![0.0; n],
             i_re: vec![0.0; n],
             i_im: vec![0.0; n],
             v: vec![c64::ZERO; n_bus],
+            v_active: vec![c64::ZERO; n_active],
             v_load: vec![c64::ZERO; n_load],
             v_open: vec![c64::ZERO; n_load],
             j_load: vec![c64::ZERO; n_load],

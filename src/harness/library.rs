@@ -155,7 +155,7 @@ impl LoadedLibrary {
     pub fn load(folder: &Path, description: &ModelDescription) -> Result<Self, LibraryError> {
         let path = find(folder, &description.model_identifier)?;
         let library =
-            open(&path).map_err(|error| LibraryError::Load { path: path.clone(), reason: whole(&error) })?;
+            open(&path).map_err(|error| LibraryError::Load { path: path.clone(), reason: reason(&error) })?;
         let functions = Functions::resolve(&library)
             .map_err(|missing| LibraryError::Missing { path: path.clone(), missing })?;
         // SAFETY: both take nothing and return a static string or NULL.
@@ -187,12 +187,16 @@ fn open(path: &Path) -> Result<Library, libloading::Error> {
     unsafe { Library::new(path) }
 }
 
-/// An error with its cause: what the loader really says is there.
-fn whole(error: &libloading::Error) -> String {
-    match std::error::Error::source(error) {
-        Some(cause) => format!("{error}: {cause}"),
-        None => error.to_string(),
+/// What the system's loader says, which names the missing symbol or file, and what to do about Python's.
+fn reason(error: &libloading::Error) -> String {
+    let text = std::error::Error::source(error).map_or_else(|| error.to_string(), ToString::to_string);
+    if text.contains("undefined symbol: Py") || text.contains("undefined symbol: _Py") {
+        return format!(
+            "{text}; the FMU leaves Python to its host: start with LD_PRELOAD=/path/to/libpython3.so and with \
+             PYTHONPATH for its packages"
+        );
     }
+    text
 }
 
 /// The library's absolute path.

@@ -1,15 +1,21 @@
-//! The `.fmu` archives: model description, shared library, resources, documentation, put together for one scenario.
+//! The `.fmu` archives: model description, shared library, resources, documentation, put together for one
+//! scenario; and the `.ssp` archive of both, connected.
 #![forbid(unsafe_code)]
 
 mod archive;
 mod documentation;
+mod libraries;
+mod system;
 
 use crate::fmi::lookup::RegistryError;
 use crate::fmi::{Interface, Model, ModelError, model_description};
 use crate::models::{Controller, Grid};
 use crate::scenario::Resolved;
 use archive::Entries;
+pub use libraries::{Libraries, PLATFORM, library_file_name};
 use std::path::{Path, PathBuf};
+
+pub use system::{SystemError, write_system};
 
 /// Why an archive was not written.
 #[derive(Debug, thiserror::Error)]
@@ -19,6 +25,18 @@ pub enum PackageError {
     NoLibrary {
         /// Where it was looked for.
         file: PathBuf,
+    },
+    /// The program carries no shared library of the model.
+    #[error("this program carries no shared library of {model} to put into the FMU")]
+    NotCarried {
+        /// Its modelIdentifier.
+        model: String,
+    },
+    /// The archive of shared libraries inside the program cannot be read.
+    #[error("the shared libraries that this program carries cannot be read: {cause}")]
+    Damaged {
+        /// What the zip library says.
+        cause: String,
     },
     /// The shared library cannot be read.
     #[error("{}: cannot be read: {cause}", .file.display())]
@@ -50,69 +68,70 @@ pub enum PackageError {
     /// The model's variables do not make an interface.
     #[error(transparent)]
     Interface(#[from] RegistryError),
-}
-
-/// FMI 2.0 name of the platform that this program runs on.
-pub const PLATFORM: &str = if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
-    "linux64"
-} else if cfg!(all(target_os = "windows", target_arch = "x86_64")) {
-    "win64"
-} else if cfg!(all(target_os = "macos", target_arch = "x86_64")) {
-    "darwin64"
-} else if cfg!(all(target_os = "linux", target_arch = "aarch64")) {
-    "aarch64-linux"
-} else {
-    "unknown"
-};
-
-/// What `cargo build` calls the shared library of a model on this platform.
-pub fn library_file_name(identifier: &str) -> String {
-    format!("{}{identifier}{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX)
+    /// The scenario's values or connections do not fit the FMUs.
+    #[error(transparent)]
+    System(#[from] SystemError),
 }
 
 /// Writes `BessConsensus.fmu` for a scenario.
-pub fn write_controller(path: &Path, resolved: &Resolved, libraries: &Path) -> Result<(), PackageError> {
-    let resource = Controller::resource(resolved);
-    let json = resource.to_json()?;
-    write(
-        path,
-        &Controller::new(resource)?,
-        (Controller::RESOURCE, json),
-        &documentation::CONTROLLER,
-        libraries,
-    )
+pub fn write_controller(
+    path: &Path,
+    resolved: &Resolved,
+    interface: Interface,
+    libraries: &Libraries,
+) -> Result<(), PackageError> {
+    archive::write(path, &controller(resolved, interface, libraries)?.1)
 }
 
 /// Writes `BessGrid.fmu` for a scenario.
-pub fn write_grid(path: &Path, resolved: &Resolved, libraries: &Path) -> Result<(), PackageError> {
-    let resource = Grid::resource(resolved);
-    let json = resource.to_json()?;
-    write(path, &Grid::new(resource)?, (Grid::RESOURCE, json), &documentation::GRID, libraries)
+pub fn write_grid(
+    path: &Path,
+    resolved: &Resolved,
+    interface: Interface,
+    libraries: &Libraries,
+) -> Result<(), PackageError> {
+    archive::write(path, &grid(resolved, interface, libraries)?.1)
 }
 
-fn write<M: Model>(
-    path: &Path,
+fn controller(
+    resolved: &Resolved,
+    interface: Interface,
+    libraries: &Libraries,
+) -> Result<(Controller, Entries), PackageError> {
+    let resource = Controller::resource(resolved);
+    let json = resource.to_json()?;
+    let model = Controller::new(resource)?;
+    let entries =
+        entries(&model, interface, (Controller::RESOURCE, json), &documentation::CONTROLLER, libraries)?;
+    Ok((model, entries))
+}
+
+fn grid(
+    resolved: &Resolved,
+    interface: Interface,
+    libraries: &Libraries,
+) -> Result<(Grid, Entries), PackageError> {
+    let resource = Grid::resource(resolved)?;
+    let json = resource.to_json()?;
+    let model = Grid::new(resource)?;
+    let entries = entries(&model, interface, (Grid::RESOURCE, json), &documentation::GRID, libraries)?;
+    Ok((model, entries))
+}
+
+/// What an `.fmu` holds.
+fn entries<M: Model>(
     model: &M,
+    interface: Interface,
     (resource, json): (&str, Vec<u8>),
     papers: &documentation::Papers,
-    libraries: &Path,
-) -> Result<(), PackageError> {
-    let library = libraries.join(library_file_name(M::IDENTIFIER));
-    if !library.is_file() {
-        return Err(PackageError::NoLibrary { file: library });
-    }
-    let bytes =
-        std::fs::read(&library).map_err(|cause| PackageError::Read { file: library.clone(), cause })?;
-    let name = format!("{}{}", M::IDENTIFIER, std::env::consts::DLL_SUFFIX);
+    libraries: &Libraries,
+) -> Result<Entries, PackageError> {
     let mut entries: Entries = [
-        (
-            "modelDescription.xml".to_owned(),
-            model_description::write(model, Interface::Structured)?.into_bytes(),
-        ),
-        (format!("binaries/{PLATFORM}/{name}"), bytes),
+        ("modelDescription.xml".to_owned(), model_description::write(model, interface)?.into_bytes()),
         (format!("resources/{resource}"), json),
     ]
     .into();
-    entries.extend(documentation::entries(model, Interface::Structured, papers)?);
-    archive::write(path, &entries)
+    entries.extend(libraries.of(M::IDENTIFIER)?);
+    entries.extend(documentation::entries(model, interface, papers)?);
+    Ok(entries)
 }
