@@ -75,9 +75,12 @@ def put(name, data):
     return mutate
 
 
-def drop(name):
+def drop(start):
     def mutate(entries):
-        del entries[name]
+        names = [name for name in entries if name.startswith(start)]
+        assert names, start
+        for name in names:
+            del entries[name]
 
     return mutate
 
@@ -176,7 +179,7 @@ MUTATIONS = {
     "a path out of the archive": (put("../evil.txt", b"x"), "archive", None),
     "a stray file": (put("README.txt", b"x"), "archive-stray", False),
     "no documentation": (drop("documentation/index.html"), "documentation", False),
-    "no library": (drop(LIBRARY), "no-binary", None),
+    "no library": (drop("binaries/"), "no-binary", None),
     "a library of another name": (rename(LIBRARY, "binaries/linux64/Consensus.so"), "binary-name", None),
     "a library that is none": (put(LIBRARY, b"MZ nothing of the kind"), "binary-format", None),
     "a library of another platform": (lambda e: put("binaries/win64/BessConsensus.dll", e[LIBRARY])(e), "binary-format", None),
