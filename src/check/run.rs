@@ -29,7 +29,11 @@ impl Runner {
             report.findings.push(Finding::new(&rules::NOT_RUN, place, reason, "a short run", mend));
         };
         let broken = |rule| report.findings.iter().any(|finding| std::ptr::eq(finding.rule, rule));
-        if broken(&rules::ARCHIVE) || broken(&rules::NO_DESCRIPTION) || broken(&rules::MALFORMED) {
+        if broken(&rules::ARCHIVE)
+            || broken(&rules::NO_DESCRIPTION)
+            || broken(&rules::MALFORMED)
+            || broken(&rules::VERSION)
+        {
             return skip("nothing to run", report);
         }
         if !report.facts.iter().any(|(name, value)| name == "model" && value.contains("co-simulation")) {
