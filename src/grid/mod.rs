@@ -42,6 +42,7 @@ pub mod reduction;
 pub mod sparse;
 pub mod state;
 pub mod steady_state;
+mod trigonometry;
 pub mod workspace;
 
 pub use agents::{Agents, Controls};

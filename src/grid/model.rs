@@ -33,6 +33,8 @@ pub struct GridModel {
     /// [delta | P | Q | E] during a step.
     y: Vec<f64>,
     effort: Effort,
+    /// Whether the inputs were checked and the network follows them since they were last touched.
+    in_line: bool,
     readout: RefCell<Readout>,
 }
 
@@ -72,6 +74,7 @@ impl GridModel {
             load_model: config.load_model,
             omega_b: TAU * config.f_nominal_hz,
             effort: Effort::default(),
+            in_line: false,
             readout: RefCell::new(readout),
             plant,
             state,
@@ -102,6 +105,7 @@ impl GridModel {
 
     /// Inputs to set; outputs follow at the next refresh or step.
     pub fn inputs_mut(&mut self) -> &mut Inputs {
+        self.in_line = false;
         &mut self.state.inputs
     }
 
@@ -112,6 +116,7 @@ impl GridModel {
 
     /// Parameters to set before [`GridModel::initialise`], which the steady state depends on.
     pub fn parameters_mut(&mut self) -> &mut Parameters {
+        self.in_line = false;
         &mut self.state.parameters
     }
 
@@ -149,9 +154,7 @@ impl GridModel {
         let mut extra = vec![c64::ZERO; self.n_bus()];
         let mut change = f64::INFINITY;
         for _ in 0..500 {
-            for i in 0..self.n() {
-                workspace.set_source(i, found.V[i], found.delta[i]);
-            }
+            workspace.set_sources(found.V.iter().copied(), &found.delta);
             network.linear_voltages(&mut workspace);
             change = 0.0;
             for load in &self.plant.nonlinear {
@@ -172,8 +175,7 @@ impl GridModel {
     /// Brings everything that can be read in line with the inputs: V and omega follow their setpoints at
     /// once, bus voltages and tie flow the loads and the breaker too; P, Q, E are states.
     pub fn refresh(&mut self) -> Result<(), GridError> {
-        self.check_inputs()?;
-        self.network.update(&conditions(&self.state))?;
+        self.bring_in_line()?;
         self.readout.get_mut().valid = false;
         // Voltages of impedance loads always exist; others are looked for while an error can be told.
         if self.load_model.is_linear() { Ok(()) } else { self.read(&mut self.readout.borrow_mut()) }
@@ -188,8 +190,7 @@ impl GridModel {
         if duration_ns < 0 {
             return Err(GridError::Misuse { what: "step", why: "the duration is negative" });
         }
-        self.check_inputs()?;
-        self.network.update(&conditions(&self.state))?;
+        self.bring_in_line()?;
         if duration_ns == 0 {
             self.readout.get_mut().valid = false;
             return Ok(());
@@ -234,6 +235,7 @@ impl GridModel {
     /// Takes over a state of this model; nothing changes when it does not fit.
     pub fn set_state(&mut self, state: &State) -> Result<(), GridError> {
         state.validate(self.n(), self.n_bus(), self.plant.tie.is_some())?;
+        self.in_line = false;
         self.network.update(&conditions(state))?;
         self.state.clone_from(state);
         self.readout.get_mut().valid = false;
@@ -299,11 +301,26 @@ impl GridModel {
         self.network.is_dense()
     }
 
+    fn bring_in_line(&mut self) -> Result<(), GridError> {
+        if !self.in_line {
+            self.check_inputs()?;
+            self.network.update(&conditions(&self.state))?;
+            self.in_line = true;
+        }
+        Ok(())
+    }
+
     fn check_inputs(&self) -> Result<(), GridError> {
         self.state.inputs.validate(self.n(), self.n_bus(), self.plant.tie.is_some())
     }
 
+    #[inline]
     fn up_to_date<T>(&self, get: impl FnOnce(&Readout) -> T) -> T {
+        let readout = self.readout.borrow();
+        if readout.valid {
+            return get(&readout);
+        }
+        drop(readout);
         let mut readout = self.readout.borrow_mut();
         // After a refresh or a step that succeeded this cannot fail; the values before stay otherwise.
         let _ = self.read(&mut readout);
@@ -316,13 +333,12 @@ impl GridModel {
         }
         let ws = &mut readout.workspace;
         ws.restart();
-        for i in 0..self.n() {
-            ws.set_source(i, self.V(i), self.state.delta[i]);
-        }
+        ws.set_sources((0..self.n()).map(|i| self.V(i)), &self.state.delta);
         self.network.voltages(ws)?;
-        for (b, v) in ws.v.iter().enumerate() {
-            readout.vm[b] = v.norm();
-            readout.va[b] = v.im.atan2(v.re);
+        for ((v, vm), va) in ws.v.iter().zip(&mut readout.vm).zip(&mut readout.va) {
+            // Voltages are near 1 pu: no need of hypot's care for the extremes.
+            *vm = v.norm_sqr().sqrt();
+            *va = v.im.atan2(v.re);
         }
         readout.tie = self.network.tie_power(&ws.v);
         readout.valid = true;
