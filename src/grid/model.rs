@@ -144,14 +144,18 @@ impl GridModel {
         let now = conditions(&self.state);
         let mut network = self.network.clone();
         network.update(&now)?;
-        let mut found = steady_state(&network, inputs, parameters)?;
         if self.load_model.is_linear() {
-            return Ok(found);
+            return steady_state(&network, inputs, parameters);
         }
         // Loads that are not impedances: solve with the admittances that they have at the voltages found,
-        // until these no longer move.
+        // from those of the power flow on, until these no longer move.
         let mut workspace = network.workspace();
         let mut extra = vec![c64::ZERO; self.n_bus()];
+        for load in &self.plant.nonlinear {
+            extra[load.bus] = self.plant.not_held(load, load.v0);
+        }
+        network.rebuild(&now, Some(&extra))?;
+        let mut found = steady_state(&network, inputs, parameters)?;
         let mut change = f64::INFINITY;
         for _ in 0..500 {
             workspace.set_sources(found.V.iter().copied(), &found.delta);
