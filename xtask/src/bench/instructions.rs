@@ -37,11 +37,11 @@ const fn step(case: &'static str, most: f64) -> Loop {
 }
 
 const LOOPS: [Loop; 5] = [
-    warm("case57", 0.1),
-    warm("case2869pegase", 15.0),
-    warm("case9241pegase", 60.0),
-    step("case57", 0.1),
-    step("case9241pegase", 30.0),
+    warm("case57", 0.18),
+    warm("case2869pegase", 9.8),
+    warm("case9241pegase", 57.0),
+    step("case57", 0.045),
+    step("case9241pegase", 22.0),
 ];
 
 /// All rows.
