@@ -85,7 +85,12 @@ impl Runner {
                 Ok(line) => {
                     match line.strip_prefix(MARK).map(|rest| rest.split_once(' ').unwrap_or((rest, ""))) {
                         Some(("stage", name)) => name.clone_into(&mut stage),
-                        Some(("finding", json)) => report.findings.extend(finding(json)),
+                        // Both runs of the probe may meet the same thing.
+                        Some(("finding", json)) => {
+                            report
+                                .findings
+                                .extend(finding(json).filter(|one| !report.findings.contains(one)));
+                        }
                         Some(("done", _)) => done = true,
                         _ => {}
                     }
