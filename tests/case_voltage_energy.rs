@@ -4,7 +4,8 @@
 
 mod case_support;
 
-use case_support::{N, Run, scenario};
+use bess_consensus::scenario::Resolved;
+use case_support::{N, Run, keys, scenario};
 
 /// Spread of K_Q Q and abs(mean V - 1) in the last second before 30 s after each event.
 fn average_voltage(run: &Run, events: &[f64]) -> Vec<(f64, f64)> {
@@ -73,25 +74,67 @@ fn an_hour_balances_unequal_batteries_beside_the_sharing() {
     assert!(sum < 1e-9);
 }
 
+/// The energy scenario with a load so small that the exchange would turn the takers into chargers.
+fn light_load(step_s: &str, ramps: bool, more: &[(&str, &str)]) -> Run {
+    let load = r#"{"grid.dP_load[12]": -3.7, "grid.dP_load[8]": -1.4, "grid.dP_load[9]": -1.2, "grid.dP_load[1]": -0.5, "grid.dP_load[6]": -0.7}"#;
+    let resolved = Resolved::load("energy", &keys(&[])).unwrap();
+    let mut bess = serde_json::to_value(&resolved.scenario.bess).unwrap();
+    for b in bess.as_array_mut().unwrap().iter_mut().filter(|_| !ramps) {
+        b.as_object_mut().unwrap().remove("P_set_rate");
+    }
+    let bess = bess.to_string();
+    let mut set = vec![
+        ("stop_s", "300"),
+        ("record_every", "1"),
+        ("initial", load),
+        ("bess", &bess),
+        ("step_s", step_s),
+    ];
+    set.extend_from_slice(more);
+    scenario("energy", &set)
+}
+
 #[test]
 fn nobody_is_made_to_charge_by_the_exchange() {
-    let stop = ("stop_s", "600");
-    let lowest = |run: &Run| {
+    let charging = |run: &Run, from_s: f64| {
         let P = run.of_grid("P");
-        -run.worst(60.0, 600.0, |k| P.iter().fold(f64::NEG_INFINITY, |w, P| w.max(-P[k])).max(0.0))
+        run.worst(from_s, 300.0, |k| P.iter().fold(0.0, |w: f64, P| w.max(-P[k])))
     };
-    // Wide limits, and a load so small that the exchange would turn the takers into chargers.
-    let load = (
-        "initial",
-        r#"{"grid.dP_load[12]": -3.7, "grid.dP_load[8]": -1.4, "grid.dP_load[9]": -1.2, "grid.dP_load[1]": -0.5, "grid.dP_load[6]": -0.7}"#,
+    let free = light_load("0.1", true, &[("control.no_circulation", "false")]);
+    println!("largest charging power {:.3} pu without the rule", charging(&free, 60.0));
+    assert!(charging(&free, 60.0) > 0.05, "then the rule had nothing to do");
+    for (step_s, ramps, from_s) in
+        [("0.01", true, 0.0), ("0.01", false, 0.0), ("0.1", true, 0.0), ("0.1", false, 60.0)]
+    {
+        let run = light_load(step_s, ramps, &[]);
+        println!(
+            "step {step_s} s, ramps {ramps}: {:.1e} pu, {:.1e} after 30 s; omega {:.1e}",
+            charging(&run, 0.0),
+            charging(&run, 30.0),
+            run.omega_error(290.0, 300.0)
+        );
+        assert!(charging(&run, from_s) < 1e-3);
+        assert!(run.omega_error(290.0, 300.0) < 1e-9);
+    }
+    let late = light_load("0.01", false, &[("control.delay_s", "0.5")]);
+    println!(
+        "0.5 s of delay: {:.1e} pu, {:.1e} after 60 s, {:.1e} after 200 s",
+        charging(&late, 0.0),
+        charging(&late, 60.0),
+        charging(&late, 200.0)
     );
-    let ruled = scenario("energy", &[stop, load]);
-    let free = scenario("energy", &[stop, load, ("control.no_circulation", "false")]);
-    println!("lowest power: {:.3} pu with the rule, {:.3} pu without", lowest(&ruled), lowest(&free));
-    assert!(lowest(&free) < -0.05, "then the rule had nothing to do");
-    // The rule looks at the measured share. It may be late by what P_set moves (0.05 pu/s here) in three time
-    // constants of the power filter, 0.1 s.
-    assert!(lowest(&ruled) > -0.005);
+    let coarse = light_load("1", false, &[]);
+    println!("step 1 s: {:.1e} pu, {:.1e} after 60 s", charging(&coarse, 0.0), charging(&coarse, 60.0));
+    // A load that drops takes its share from every battery at once; the exchange follows.
+    let drop = r#"[{"at_s": 20, "set": {"controller.enable": true}}, {"at_s": 60, "set": {"grid.dP_load[8]": -1.9}}]"#;
+    let dropped = light_load("0.01", false, &[("events", drop)]);
+    let P = dropped.of_grid("P");
+    let back = dropped.settled(60.0, 300.0, 1e-3, |k| P.iter().fold(0.0, |w: f64, P| w.max(-P[k])));
+    println!(
+        "0.5 pu of load less at 60 s: {:.1e} pu, within 1e-3 again after {back:?} s",
+        charging(&dropped, 60.0)
+    );
+    assert!(back.is_some_and(|s| s < 5.0));
 }
 
 #[test]

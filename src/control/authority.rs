@@ -4,12 +4,17 @@
 //! X is nobody's to tell. So an agent at its limit looks how fast the excess really goes, and learns
 //! a = K_Q / (K_Q + X) from it. Knows one agent at a time; never how the excess came about.
 
+use super::scalar::Scalar;
+
 /// Learning rate, per time constant in which the excess is to go.
-const LEARNING: f64 = 1.0;
+const LEARNING: f64 = 2.0;
+/// The share believed at first: so little that it is not slow, so much that a stiff grid does not ring.
+const FIRST: f64 = 0.25;
 /// The least share believed.
 const LEAST: f64 = 0.01;
-/// Excesses below this share of the limit say nothing.
-const WORTH: f64 = 1e-4;
+/// Excesses below this share of the limit say nothing: there the neighbours' moves count as much, and who
+/// learnt from them would grow bolder until it rings.
+const WORTH: f64 = 0.02;
 
 /// What an agent has learnt, and of the last step what it learns from.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -26,7 +31,7 @@ pub struct Authority {
 
 impl Default for Authority {
     fn default() -> Self {
-        Self { share: 1.0, excess: 0.0, upper: true, wanted: 0.0 }
+        Self { share: FIRST, excess: 0.0, upper: true, wanted: 0.0 }
     }
 }
 
@@ -40,15 +45,17 @@ impl Authority {
     }
 
     /// The share, now that the step has led to `Q`, pu, within (low, high).
-    pub fn learn(&self, Q: f64, (low, high): (f64, f64)) -> f64 {
+    pub fn learn<S: Scalar>(&self, Q: S, (low, high): (S, S)) -> S {
+        let c = S::constant;
         let bound = if self.upper { high } else { low };
-        if self.excess.abs() <= WORTH * bound.abs() || self.wanted <= 0.0 {
-            return self.share;
+        if self.excess.abs() <= WORTH * bound.value().abs() || self.wanted <= 0.0 {
+            return c(self.share);
         }
         // 1 where the excess goes as fast as it is to.
-        let gone = (self.excess - (Q - bound)) / (self.excess * self.wanted);
-        let surprise = if gone.is_finite() { (gone - 1.0).clamp(-1.0, 1.0) } else { 0.0 };
-        (self.share * (LEARNING * self.wanted * surprise).exp()).clamp(LEAST, 1.0)
+        let gone = (c(self.excess) - (Q - bound)) / c(self.excess * self.wanted);
+        let surprise =
+            if gone.value().is_finite() { (gone - c(1.0)).max(c(-1.0)).min(c(1.0)) } else { c(0.0) };
+        (c(self.share) * (c(LEARNING * self.wanted) * surprise).exp()).max(c(LEAST)).min(c(1.0))
     }
 
     /// Whether this may have been learnt.

@@ -2,6 +2,7 @@
 //! linear interpolation, and the lossy channel of a link. Equation (34). Allocates only in `new`.
 
 use super::config::Channel;
+use super::scalar::Scalar;
 use super::time::nanoseconds;
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +21,7 @@ pub enum Quantity {
     Soc,
     /// The estimate of the mean voltage, pu.
     MeanV,
-    /// P_i - P_set_i, slow enough not to show the exchange's own moves, pu.
+    /// P_i - P_set_i without the exchange's own moves, pu.
     Share,
 }
 
@@ -33,21 +34,21 @@ const VALUES: usize = 8_000_000;
 
 /// The present values of all agents, by quantity.
 #[derive(Clone, Debug, Default)]
-pub struct Signals(pub [Vec<f64>; QUANTITIES]);
+pub struct Signals<S = f64>(pub [Vec<S>; QUANTITIES]);
 
-impl Signals {
+impl<S: Scalar> Signals<S> {
     /// Zeros for `n` agents.
     pub fn new(n: usize) -> Self {
-        Self(std::array::from_fn(|_| vec![0.0; n]))
+        Self(std::array::from_fn(|_| vec![S::constant(0.0); n]))
     }
 
     /// The values of one quantity.
-    pub fn of(&self, quantity: Quantity) -> &[f64] {
+    pub fn of(&self, quantity: Quantity) -> &[S] {
         &self.0[quantity as usize]
     }
 
     /// The values of one quantity, to be written.
-    pub fn of_mut(&mut self, quantity: Quantity) -> &mut [f64] {
+    pub fn of_mut(&mut self, quantity: Quantity) -> &mut [S] {
         &mut self.0[quantity as usize]
     }
 }
@@ -58,11 +59,18 @@ pub struct Bracket {
     before: u32,
     after: u32,
     fraction: f64,
+    /// How fast the fraction falls when the point gets later by a second, 1/s; 0 where a sample is held.
+    per_s: f64,
 }
 
 impl Bracket {
     /// The present.
-    pub const NOW: Self = Self { before: PRESENT, after: PRESENT, fraction: 0.0 };
+    pub const NOW: Self = Self { before: PRESENT, after: PRESENT, fraction: 0.0, per_s: 0.0 };
+
+    /// The same point, but fixed: no delay moves it.
+    pub fn fixed(self) -> Self {
+        Self { per_s: 0.0, ..self }
+    }
 }
 
 /// Past samples of all quantities of all agents.
@@ -193,38 +201,53 @@ impl History {
         let (mut low, mut high) = (0, self.len - 1);
         if t_ns <= self.time(low) {
             let slot = self.slot(low) as u32;
-            return Bracket { before: slot, after: slot, fraction: 0.0 };
+            return Bracket { before: slot, after: slot, fraction: 0.0, per_s: 0.0 };
         }
         let newest = self.time(high);
         if t_ns >= newest {
-            let fraction = (t_ns - newest) as f64 / (now_ns - newest) as f64;
-            return Bracket { before: self.slot(high) as u32, after: PRESENT, fraction };
+            let span = (now_ns - newest) as f64;
+            let (fraction, per_s) = ((t_ns - newest) as f64 / span, 1e9 / span);
+            return Bracket { before: self.slot(high) as u32, after: PRESENT, fraction, per_s };
         }
         while high - low > 1 {
             let middle = (low + high) / 2;
             if self.time(middle) <= t_ns { low = middle } else { high = middle }
         }
         let (before, after) = (self.time(low), self.time(high));
-        let fraction = (t_ns - before) as f64 / (after - before) as f64;
-        Bracket { before: self.slot(low) as u32, after: self.slot(high) as u32, fraction }
+        let span = (after - before) as f64;
+        let (fraction, per_s) = ((t_ns - before) as f64 / span, 1e9 / span);
+        Bracket { before: self.slot(low) as u32, after: self.slot(high) as u32, fraction, per_s }
     }
 
-    fn stored(&self, slot: u32, quantity: Quantity, i: usize, present: &[f64]) -> f64 {
+    fn stored<S: Scalar>(&self, slot: u32, quantity: Quantity, i: usize, present: &[S]) -> S {
         if slot == PRESENT {
             present[i]
         } else {
-            self.values[(slot as usize * QUANTITIES + quantity as usize) * self.n + i]
+            S::constant(self.values[(slot as usize * QUANTITIES + quantity as usize) * self.n + i])
         }
     }
 
     /// Agent `i`'s value at the bracketed time; `present` holds the quantity's present values.
-    pub fn value(&self, bracket: Bracket, quantity: Quantity, i: usize, present: &[f64]) -> f64 {
+    pub fn value<S: Scalar>(&self, bracket: Bracket, quantity: Quantity, i: usize, present: &[S]) -> S {
+        self.value_late(bracket, quantity, i, present, S::constant(0.0))
+    }
+
+    /// The same `late` s earlier, within the bracket. At a sample its slope is that of the time after it.
+    pub fn value_late<S: Scalar>(
+        &self,
+        bracket: Bracket,
+        quantity: Quantity,
+        i: usize,
+        present: &[S],
+        late: S,
+    ) -> S {
         let before = self.stored(bracket.before, quantity, i, present);
-        if bracket.fraction == 0.0 {
+        if bracket.per_s == 0.0 && bracket.fraction == 0.0 || bracket.fraction == 0.0 && !S::CARRIES_TANGENT {
             return before;
         }
         let after = self.stored(bracket.after, quantity, i, present);
-        before + bracket.fraction * (after - before)
+        let fraction = S::constant(bracket.fraction) - late * S::constant(bracket.per_s);
+        before + fraction * (after - before)
     }
 
     /// The transfer of edge `e` at the bracketed time; `present` are the present ones. Where none are kept

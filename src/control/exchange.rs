@@ -4,7 +4,8 @@
 use super::delay::{History, Quantity, Signals};
 use super::discretisation::SignPower;
 use super::limits::LimitTable;
-use super::network::Network;
+use super::network::{Lateness, Network};
+use super::scalar::Scalar;
 use serde::{Deserialize, Serialize};
 
 /// Seconds per hour: energy is counted in pu*h.
@@ -12,13 +13,13 @@ const SECONDS_PER_HOUR: f64 = 3600.0;
 
 /// What one evaluation of the exchange needs to know besides the state.
 #[derive(Clone, Copy)]
-pub struct Exchange<'a> {
+pub struct Exchange<'a, S = f64> {
     /// s of the law.
-    pub power: SignPower,
+    pub power: SignPower<S>,
     /// g_E.
-    pub gain: f64,
+    pub gain: S,
     /// max(h, theta_E), s; zero is the bare law.
-    pub theta_s: f64,
+    pub theta_s: S,
     /// Step, s, for the ramps.
     pub h_s: f64,
     /// C_i, pu*h.
@@ -31,9 +32,11 @@ pub struct Exchange<'a> {
     pub limits: &'a LimitTable,
     /// Whether discharging must not become charging, nor charging discharging.
     pub no_circulation: bool,
+    /// 0, but in a derivative.
+    pub late: Lateness<S>,
 }
 
-impl Exchange<'_> {
+impl<S: Scalar> Exchange<'_, S> {
     /// f_ij = sgn(d) min(3600 g_E w_ij s(d), 3600 min(C_i, C_j) abs(d) / (theta (1 + max(deg_i, deg_j)))),
     /// d = SoC_i - SoC_j, pu, limited to min(P_exchange_max_i / deg_i, P_exchange_max_j / deg_j), both ends
     /// at t - tau, with theta = max(h, theta_E, 2 tau). `flows` holds those of the last step and becomes
@@ -42,47 +45,66 @@ impl Exchange<'_> {
         &self,
         network: &Network,
         history: &History,
-        signals: &Signals,
+        signals: &Signals<S>,
         last: &[f64],
-        flows: &mut [f64],
+        flows: &mut [S],
         limited: &mut [bool],
     ) {
+        let c = S::constant;
+        let past = (history, self.late);
         for (e, edge) in network.graph.edges().iter().enumerate() {
             let (a, b) = edge.ends();
-            let (soc_a, soc_b) = network.agreed(e, history, Quantity::Soc, signals.of(Quantity::Soc));
-            let (P_a, P_b) = network.agreed(e, history, Quantity::Share, signals.of(Quantity::Share));
+            let (soc_a, soc_b) = network.agreed_late(e, past, Quantity::Soc, signals.of(Quantity::Soc));
+            let (P_a, P_b) = network.agreed_late(e, past, Quantity::Share, signals.of(Quantity::Share));
             let d = soc_a - soc_b;
             let peers = |i: usize| f64::from(network.graph.peers(i));
             let m = d.abs();
-            let law = SECONDS_PER_HOUR * self.gain * edge.weight * self.power.magnitude(m);
-            let theta =
-                if self.theta_s > 0.0 { self.theta_s.max(2e-9 * network.delays_ns[e] as f64) } else { 0.0 };
+            let law = c(SECONDS_PER_HOUR) * self.gain * c(edge.weight) * self.power.magnitude(m);
+            let theta = if self.theta_s.value() > 0.0 {
+                let longer = if edge.delay_ns.is_some() { c(0.0) } else { c(2.0) * self.late.delay };
+                self.theta_s.max(c(2e-9 * network.delays_ns[e] as f64) + longer)
+            } else {
+                c(0.0)
+            };
             let least = self.capacity[a].min(self.capacity[b]);
-            let cap = SECONDS_PER_HOUR * least * m / (theta * (1.0 + peers(a).max(peers(b))));
-            let wanted = if d == 0.0 { 0.0 } else { law.min(cap) };
+            let cap = c(SECONDS_PER_HOUR * least) * m / (theta * c(1.0 + peers(a).max(peers(b))));
+            let wanted = if d.value() == 0.0 {
+                d.through_zero(|| {
+                    let law = SECONDS_PER_HOUR * self.gain.value() * edge.weight;
+                    let law = if law == 0.0 { 0.0 } else { law * self.power.slope_at_zero() };
+                    let cap = SECONDS_PER_HOUR * least / (theta.value() * (1.0 + peers(a).max(peers(b))));
+                    if law.min(cap).is_finite() { law.min(cap) } else { 0.0 }
+                })
+            } else {
+                law.min(cap)
+            };
             // The fuller end gives, the emptier takes.
-            let ((giver, P_giver, soc_giver), (taker, P_taker, soc_taker)) =
-                if d > 0.0 { ((a, P_a, soc_a), (b, P_b, soc_b)) } else { ((b, P_b, soc_b), (a, P_a, soc_a)) };
-            let give = self.most(giver, P_giver, soc_giver, 1.0) / peers(giver);
-            let take = self.most(taker, P_taker, soc_taker, -1.0) / peers(taker);
-            limited[giver] |= wanted > give;
-            limited[taker] |= wanted > take;
+            let ((giver, P_giver, soc_giver), (taker, P_taker, soc_taker)) = if d.value() > 0.0 {
+                ((a, P_a, soc_a), (b, P_b, soc_b))
+            } else {
+                ((b, P_b, soc_b), (a, P_a, soc_a))
+            };
+            let give = self.most(giver, P_giver, soc_giver, 1.0) / c(peers(giver));
+            let take = self.most(taker, P_taker, soc_taker, -1.0) / c(peers(taker));
+            limited[giver] |= wanted.value() > give.value();
+            limited[taker] |= wanted.value() > take.value();
             let flow = wanted.min(give).min(take).copysign(d);
             let rate = (self.limits.P_set_rate[a] / peers(a)).min(self.limits.P_set_rate[b] / peers(b));
-            let flow = if self.fade < 1.0 { last[e] + self.fade * (flow - last[e]) } else { flow };
+            let flow = if self.fade < 1.0 { c(last[e]) + c(self.fade) * (flow - c(last[e])) } else { flow };
             let step = rate * self.h_s;
-            flows[e] = if step.is_finite() { flow.min(last[e] + step).max(last[e] - step) } else { flow };
+            flows[e] =
+                if step.is_finite() { flow.min(c(last[e] + step)).max(c(last[e] - step)) } else { flow };
         }
     }
 
     /// The most that agent `i` may give (`sign` 1) or take (-1), pu, beside its share `P` of the load.
-    fn most(&self, i: usize, P: f64, soc: f64, sign: f64) -> f64 {
-        let mut most = self.P_max[i];
+    fn most(&self, i: usize, P: S, soc: S, sign: f64) -> S {
+        let mut most = S::constant(self.P_max[i]);
         if self.limits.power {
             let (low, high) = self.limits.P_range(i, soc);
-            most = most.min(if sign > 0.0 { high - P } else { P - low }).max(0.0);
+            most = most.min(if sign > 0.0 { high - P } else { P - low }).max(S::constant(0.0));
         }
-        if self.no_circulation && P * sign < 0.0 {
+        if self.no_circulation && P.value() * sign < 0.0 {
             most = most.min(P.abs());
         }
         most
@@ -91,25 +113,25 @@ impl Exchange<'_> {
 
 /// P_set_i = sum_j f_ij + what ended links still carry, pu, for the agents for which `write` holds; `carries`
 /// gives what one of them does.
-pub fn setpoints(
+pub fn setpoints<S: Scalar>(
     network: &Network,
-    flows: &[f64],
+    flows: &[S],
     held: &[HeldLink],
     carries: impl Fn(&HeldLink) -> f64,
     write: impl Fn(usize) -> bool,
-    P_set: &mut [f64],
+    P_set: &mut [S],
 ) {
     for (i, P) in P_set.iter_mut().enumerate() {
         if write(i) {
-            *P = 0.0;
+            *P = S::constant(0.0);
         }
     }
     let edges = network.graph.edges().iter().zip(flows).map(|(edge, &f)| (edge.ends(), f));
-    let held = held.iter().map(|link| ((link.a as usize, link.b as usize), carries(link)));
+    let held = held.iter().map(|link| ((link.a as usize, link.b as usize), S::constant(carries(link))));
     for ((a, b), f) in edges.chain(held) {
         for (i, f) in [(a, f), (b, -f)] {
             if write(i) {
-                P_set[i] += f;
+                P_set[i] = P_set[i] + f;
             }
         }
     }

@@ -12,6 +12,7 @@
 //! | `delay`, `lag` | what agents know of each other, how late that is |
 //! | `limits`, `authority`, `relay`, `saturation` | what they can do, and what becomes of what they cannot |
 //! | `certificates`, `spectrum` | how long it takes |
+//! | `scalar`, `tangent`, `tangent_limits`, `tangent_diagnostics` | the laws in dual numbers: what the outputs do along a direction |
 //! | `controller`, `adopt`, `evaluate`, `step`, `state`, `io`, `event` | the controller around them |
 #![forbid(unsafe_code)]
 // The paper's letters (K_P, P_set, u_P) are the names that users know from its equations.
@@ -39,9 +40,13 @@ pub mod network;
 pub mod protocol;
 pub mod relay;
 mod saturation;
+pub mod scalar;
 pub mod spectrum;
 mod state;
 mod step;
+pub mod tangent;
+mod tangent_diagnostics;
+mod tangent_limits;
 mod time;
 pub mod topology;
 mod validate;

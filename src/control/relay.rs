@@ -5,29 +5,36 @@
 //! y_i follows the law (9) whole; of its rate the agent does what it has room for, and owes the rest. As soon
 //! as there is room, it pays. x_i stays 0 where no limit binds; (10) alike. Knows one agent at a time.
 
+use super::scalar::Scalar;
+
 /// What an agent does of a rate, and what it owes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Split {
+pub struct Split<S = f64> {
     /// The rate that its own setpoint takes, pu/s.
-    pub done: f64,
+    pub done: S,
     /// x_i at the end of the step, pu.
-    pub owed: f64,
+    pub owed: S,
 }
 
 /// Splits the rate `u` of y_i, pu/s, of an agent that owes `owed`, pu, and has `up` room to rise and `down` to
 /// fall (1 free, 0 none), over a step of `h_s`; it pays in `theta_s`, not below `h_s`.
-pub fn split(u: f64, owed: f64, (up, down): (f64, f64), h_s: f64, theta_s: f64) -> Split {
+pub fn split<S: Scalar>(u: S, owed: S, (up, down): (S, S), h_s: f64, theta_s: f64) -> Split<S> {
+    let (zero, h) = (S::constant(0.0), S::constant(h_s));
     // Who owes power upwards and hears that less is wanted owes less first.
-    let (u, left) = if u * owed < 0.0 {
-        let left = owed + h_s * u;
-        if left * owed > 0.0 { (0.0, left) } else { (if h_s > 0.0 { left / h_s } else { u }, 0.0) }
+    let (u, left) = if u.value() * owed.value() < 0.0 {
+        let left = owed + h * u;
+        if left.value() * owed.value() > 0.0 {
+            (zero, left)
+        } else {
+            (if h_s > 0.0 { left / h } else { u }, zero)
+        }
     } else {
         (u, owed)
     };
-    let room = |x: f64| if x > 0.0 { up } else { down };
+    let room = |x: S| if x.value() > 0.0 { up } else { down };
     let done = u * room(u);
-    let paid = left * room(left) / theta_s;
-    Split { done: done + paid, owed: left + h_s * (u - done - paid) }
+    let paid = left * room(left) / S::constant(theta_s);
+    Split { done: done + paid, owed: left + h * (u - done - paid) }
 }
 
 #[cfg(test)]

@@ -110,6 +110,7 @@ impl Controller {
     }
 }
 
-fn time_constant_s(lag: &Lag, h_s: f64) -> f64 {
+/// Time constant of what brings a power back inside its limits, s.
+pub(super) fn time_constant_s(lag: &Lag, h_s: f64) -> f64 {
     recovery(lag.loop_steps() * h_s)
 }

@@ -8,7 +8,7 @@ use super::state::{Inputs, Parameters};
 use super::workspace::Workspace;
 
 /// Powers beyond which a simulation has run away, pu.
-const RUN_AWAY_PU: f64 = 1e6;
+pub(super) const RUN_AWAY_PU: f64 = 1e6;
 
 /// The grid with its inputs held.
 pub struct Grid<'a> {

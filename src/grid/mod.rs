@@ -14,6 +14,8 @@
 //! | [`bess`] | the paper's (1) to (3), angle and battery, one function each |
 //! | [`dynamics`] | the right-hand side made of those |
 //! | [`integrator`] | embedded Runge-Kutta 5(4) with error control |
+//! | `ramp` | a step whose inputs move |
+//! | [`tangent`] | what the readings do along a direction of the inputs, or in time |
 //! | [`steady_state`] | where a simulation starts |
 //! | [`model`], [`state`] | the grid model: inputs, steps, outputs, its state |
 //! | [`distance`] | electrical distances between BESS buses |
@@ -38,10 +40,12 @@ pub mod model;
 pub mod network;
 pub mod plant;
 pub mod power_flow;
+mod ramp;
 pub mod reduction;
 pub mod sparse;
 pub mod state;
 pub mod steady_state;
+pub mod tangent;
 pub mod workspace;
 
 pub use agents::{Agents, Controls};

@@ -4,7 +4,7 @@ use super::bess::{omega, voltage};
 use super::config::Config;
 use super::dynamics::Grid;
 use super::error::GridError;
-use super::integrator::{Effort, Integrator};
+use super::integrator::{Effort, Failure, Integrator};
 use super::load::LoadModel;
 use super::network::{Conditions, Network};
 use super::plant::Plant;
@@ -25,21 +25,22 @@ use std::sync::Arc;
 pub struct GridModel {
     plant: Arc<Plant>,
     load_model: LoadModel,
-    omega_b: f64,
-    state: State,
-    network: Network,
-    integrator: Integrator,
-    workspace: Workspace,
+    pub(super) omega_b: f64,
+    pub(super) state: State,
+    pub(super) network: Network,
+    pub(super) integrator: Integrator,
+    pub(super) workspace: Workspace,
     /// [delta | P | Q | E] during a step.
     y: Vec<f64>,
-    effort: Effort,
-    readout: RefCell<Readout>,
+    pub(super) ramp: Option<Box<super::ramp::Memory>>,
+    pub(super) effort: Effort,
+    pub(super) readout: RefCell<Readout>,
 }
 
 /// Bus voltages and tie flow, made when somebody reads them.
 #[derive(Clone)]
-struct Readout {
-    valid: bool,
+pub(super) struct Readout {
+    pub(super) valid: bool,
     workspace: Workspace,
     vm: Vec<f64>,
     va: Vec<f64>,
@@ -69,6 +70,7 @@ impl GridModel {
                 config.tolerances.absolute,
             ),
             y: vec![0.0; 4 * plant.n()],
+            ramp: None,
             load_model: config.load_model,
             omega_b: TAU * config.f_nominal_hz,
             effort: Effort::default(),
@@ -182,14 +184,7 @@ impl GridModel {
     /// Advances by `duration_ns` with the inputs held; allocates nothing. On failure the state is as
     /// before. A duration of 0 changes nothing.
     pub fn step(&mut self, start_ns: i64, duration_ns: i64) -> Result<(), GridError> {
-        if !self.state.initialised {
-            return Err(GridError::Misuse { what: "step", why: "the model is not initialised" });
-        }
-        if duration_ns < 0 {
-            return Err(GridError::Misuse { what: "step", why: "the duration is negative" });
-        }
-        self.check_inputs()?;
-        self.network.update(&conditions(&self.state))?;
+        self.check_step(duration_ns)?;
         if duration_ns == 0 {
             self.readout.get_mut().valid = false;
             return Ok(());
@@ -210,12 +205,7 @@ impl GridModel {
         self.effort = self
             .integrator
             .advance(&mut grid, &mut self.y, &mut state.internal_step_s, duration_ns as f64 * 1e-9)
-            .map_err(|failure| GridError::Step {
-                start_s: start_ns as f64 * 1e-9,
-                offset_s: failure.offset_s,
-                step_s: failure.step_s,
-                reason: failure.reason,
-            })?;
+            .map_err(|failure| failure.of_step(start_ns))?;
         for (part, values) in
             self.y.chunks_exact(n).zip([&mut state.delta, &mut state.P, &mut state.Q, &mut state.E])
         {
@@ -224,6 +214,18 @@ impl GridModel {
         state.delta.iter_mut().for_each(|delta| *delta = wrap(*delta));
         self.readout.get_mut().valid = false;
         Ok(())
+    }
+
+    /// Whether a step may be taken; brings the network in line with the inputs.
+    pub(super) fn check_step(&mut self, duration_ns: i64) -> Result<(), GridError> {
+        if !self.state.initialised {
+            return Err(GridError::Misuse { what: "step", why: "the model is not initialised" });
+        }
+        if duration_ns < 0 {
+            return Err(GridError::Misuse { what: "step", why: "the duration is negative" });
+        }
+        self.check_inputs()?;
+        self.network.update(&conditions(&self.state))
     }
 
     /// The present state.
@@ -330,7 +332,7 @@ impl GridModel {
     }
 }
 
-fn conditions(state: &State) -> Conditions<'_> {
+pub(super) fn conditions(state: &State) -> Conditions<'_> {
     Conditions {
         dP_load: &state.inputs.dP_load,
         dQ_load: &state.inputs.dQ_load,
@@ -339,7 +341,15 @@ fn conditions(state: &State) -> Conditions<'_> {
     }
 }
 
+impl Failure {
+    /// A failure of the step that began at `start_ns`.
+    pub(super) fn of_step(self, start_ns: i64) -> GridError {
+        let start_s = start_ns as f64 * 1e-9;
+        GridError::Step { start_s, offset_s: self.offset_s, step_s: self.step_s, reason: self.reason }
+    }
+}
+
 /// The same angle in [-pi, pi]: angles turn for hours, and small ones are exact.
-fn wrap(angle: f64) -> f64 {
+pub(super) fn wrap(angle: f64) -> f64 {
     if angle.abs() <= PI { angle } else { angle - TAU * (angle / TAU).round() }
 }

@@ -30,20 +30,20 @@ pub struct Conditions<'a> {
 /// The network between the sources.
 #[derive(Clone)]
 pub struct Network {
-    plant: Arc<Plant>,
+    pub(super) plant: Arc<Plant>,
     matrix: SparseMatrix,
-    lu: Lu,
+    pub(super) lu: Lu,
     /// `Some` for the dense method.
     reduction: Option<Reduction>,
     /// `Some` for the sparse method with impedance loads: a solve for the buses of sources and tie alone.
     active: Option<ActiveBuses>,
     /// Admittance 1 / (j X_c) of each source, and of the tie when closed.
-    source: Vec<c64>,
-    tie: c64,
+    pub(super) source: Vec<c64>,
+    pub(super) tie: c64,
     dP_load: Vec<f64>,
     dQ_load: Vec<f64>,
     X_c: Vec<f64>,
-    tie_closed: bool,
+    pub(super) tie_closed: bool,
     valid: bool,
 }
 

@@ -103,6 +103,14 @@ impl Plant {
         }
     }
 
+    /// Tangent of such a load's current in [`Self::load_currents`], from that of its voltage `v`: by d abs(v) too.
+    pub(crate) fn load_current_rate(&self, load: &NonlinearLoad, v: c64, dv: c64) -> c64 {
+        let magnitude = v.norm_sqr().sqrt();
+        let rate = if magnitude > 0.0 { (v.re * dv.re + v.im * dv.im) / magnitude } else { 0.0 };
+        let slope = load.admittance * self.load_model.admittance_slope(magnitude, load.v0);
+        -(dv * self.not_held(load, magnitude) + v * slope * rate)
+    }
+
     /// Admittance of such a load at voltage magnitude `v`, less what the matrix holds of it, pu.
     pub(crate) fn not_held(&self, load: &NonlinearLoad, v: f64) -> c64 {
         let model = self.load_model;
