@@ -119,7 +119,7 @@ fn derivatives_of_both_models_allocate_nothing() {
     }
     let resolved = Resolved::load("case4", &serde_json::Map::new()).unwrap();
     assert_eq!(count(Controller::new(Controller::resource(&resolved)).unwrap()), 0);
-    assert_eq!(count(Grid::new(Grid::resource(&resolved)).unwrap()), 0);
+    assert_eq!(count(Grid::new(Grid::resource(&resolved).unwrap()).unwrap()), 0);
 }
 
 /// Times, to be read by a person: `cargo test --release --test fmi_allocation -- --ignored --nocapture`.

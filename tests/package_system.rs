@@ -27,7 +27,7 @@ fn export(folder: &Path, arguments: &[&str]) -> Output {
 
 fn archive(bytes: Vec<u8>) -> BTreeMap<String, Vec<u8>> {
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).unwrap();
-    let names: Vec<String> = archive.file_names().map(str::to_owned).collect();
+    let names: Vec<String> = archive.file_names().map(|name| name.unwrap().into_owned()).collect();
     let mut contents = BTreeMap::new();
     for name in names {
         let mut bytes = Vec::new();

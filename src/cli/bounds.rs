@@ -33,7 +33,11 @@ struct Certified {
 impl Bounds {
     /// Computes them.
     pub fn of(resolved: &Resolved) -> Result<Self, Failure> {
-        let mut grid = GridModel::new(&resolved.grid).into_diagnostic()?;
+        let none = || {
+            miette::miette!("grid.case is \"none\": the errors at the start are not known; expected a case")
+        };
+        let config = resolved.grid.as_ref().ok_or_else(none)?;
+        let mut grid = GridModel::new(config).into_diagnostic()?;
         grid.initialise().into_diagnostic()?;
         let n = grid.n();
         let p: Vec<f64> = (0..n).map(|i| resolved.control.K_P[i] * grid.P(i)).collect();

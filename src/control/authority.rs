@@ -7,11 +7,14 @@
 use super::scalar::Scalar;
 
 /// Learning rate, per time constant in which the excess is to go.
-const LEARNING: f64 = 1.0;
+const LEARNING: f64 = 2.0;
+/// The share believed at first: so little that it is not slow, so much that a stiff grid does not ring.
+const FIRST: f64 = 0.25;
 /// The least share believed.
 const LEAST: f64 = 0.01;
-/// Excesses below this share of the limit say nothing.
-const WORTH: f64 = 1e-4;
+/// Excesses below this share of the limit say nothing: there the neighbours' moves count as much, and who
+/// learnt from them would grow bolder until it rings.
+const WORTH: f64 = 0.02;
 
 /// What an agent has learnt, and of the last step what it learns from.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -28,7 +31,7 @@ pub struct Authority {
 
 impl Default for Authority {
     fn default() -> Self {
-        Self { share: 1.0, excess: 0.0, upper: true, wanted: 0.0 }
+        Self { share: FIRST, excess: 0.0, upper: true, wanted: 0.0 }
     }
 }
 

@@ -59,6 +59,7 @@ pub(super) struct Scratch {
     pub room: [Vec<f64>; 4],
     /// What the step makes of the same of the state.
     pub shares: Vec<f64>,
+    pub followed: Vec<f64>,
     pub owed: [Vec<f64>; 2],
     pub authority: Vec<Authority>,
 }
@@ -90,6 +91,7 @@ impl Controller {
             lags: Lags { frequency: Lag::new(&[]), voltage: Lag::new(&[]) },
             fade_left_ns: 0,
             shares: Vec::new(),
+            followed: Vec::new(),
             owed: Default::default(),
             authority: Vec::new(),
             inputs,
@@ -104,12 +106,14 @@ impl Controller {
             lost_link_fade_s: config.lost_link_fade_s,
             exchange_fade_s: config.exchange_fade_s,
         };
+        let bounded = fixed.limits.power || fixed.no_circulation;
         let scratch = Scratch {
             signals: Signals::new(n),
             filtered: vec![0.0; if fixed.filter == MeasurementFilter::default() { 0 } else { 5 * n }],
             P_set: vec![0.0; n],
             room: std::array::from_fn(|_| vec![1.0; n]),
-            shares: vec![0.0; if fixed.limits.power || fixed.no_circulation { n } else { 0 }],
+            shares: vec![0.0; if bounded { n } else { 0 }],
+            followed: vec![0.0; if bounded { n } else { 0 }],
             owed: std::array::from_fn(|_| vec![0.0; if fixed.limits.power { n } else { 0 }]),
             authority: vec![Authority::default(); if fixed.limits.power { n } else { 0 }],
             ..Scratch::default()
@@ -204,6 +208,7 @@ impl Controller {
         self.state.clock = Clock::default();
         self.state.filtered.clone_from(&self.scratch.filtered);
         self.state.shares.clone_from(&self.scratch.shares);
+        self.state.followed.clone_from(&self.scratch.followed);
         self.scratch.owed.iter_mut().for_each(|owed| owed.fill(0.0));
         self.scratch.authority.fill(Authority::default());
         self.state.owed.clone_from(&self.scratch.owed);

@@ -21,7 +21,7 @@ pub enum Quantity {
     Soc,
     /// The estimate of the mean voltage, pu.
     MeanV,
-    /// P_i - P_set_i, slow enough not to show the exchange's own moves, pu.
+    /// P_i - P_set_i without the exchange's own moves, pu.
     Share,
 }
 

@@ -10,13 +10,20 @@ use super::exchange::{HeldLink, setpoints};
 use super::lag::{Lag, no_load};
 use super::network::Lateness;
 use super::protocol::{View, active_power, average_voltage, energy, frequency, reactive_power, voltage};
+use super::scalar::Scalar;
 use super::time::seconds;
 
-/// Time constant of the share of the load that the exchange is bounded by, s: long beside what a power filter
-/// and an inverter's angle (0.2 s together) take to follow a new P_set, which P - P_set shows until then.
-pub(super) const SHARE_S: f64 = 1.0;
-/// The same in steps until an action shows, where those are longer.
-pub(super) const SHARE_LOOPS: f64 = 2.0;
+/// Time in which a battery's power follows a new P_set, s: its power filter and its angle, rather more than
+/// they take.
+const FOLLOWING_S: f64 = 0.25;
+/// Time constant of the share of the load, in steps until an action shows.
+const SHARE_LOOPS: f64 = 2.0;
+/// Least boundary layer with `voltage_policy = "average"`, as a share of the longest delay. An agent that goes to
+/// where its neighbours were tau ago at once (theta = h, h far below tau) makes two halves of an even graph take
+/// turns, damped by nothing but theta; that goes on for the longer, the finer the steps, and what it stirs in
+/// P and Q the average voltage has to follow. Where the layer grows with the delay, the run does not depend on the
+/// step. From 1/30 the turns linger, beyond 1/10 the sharing itself is slow; in between it hardly matters.
+const DELAY_LAYER: f64 = 1.0 / 20.0;
 
 impl Controller {
     /// Evaluates everything at `now_ns` for a step of `h_ns`.
@@ -94,17 +101,9 @@ impl Controller {
                 scratch.filtered[k * n..(k + 1) * n].copy_from_slice(values);
             }
         }
-        if !scratch.shares.is_empty() {
-            let step_s = seconds(state.clock.step_ns);
-            let constant_s = (SHARE_LOOPS * state.lags.frequency.loop_steps() * step_s).max(SHARE_S);
-            let elapsed_s = seconds((now_ns - state.clock.sampled_ns).max(0));
-            let new = if state.clock.samples > 0 { -(-elapsed_s / constant_s).exp_m1() } else { 1.0 };
-            for i in 0..n {
-                let P = signals.of(Quantity::P)[i] / parameters.K_P[i];
-                scratch.shares[i] = state.shares[i] + new * (P - state.shares[i]);
-            }
-            signals.of_mut(Quantity::Share).copy_from_slice(&scratch.shares);
-        }
+        self.share(now_ns);
+        let (state, scratch) = (&self.state, &mut self.scratch);
+        let (parameters, signals) = (&state.parameters, &mut scratch.signals);
         for (quantity, owed) in [Quantity::P, Quantity::Q].into_iter().zip(&state.owed) {
             for (told, owed) in signals.of_mut(quantity).iter_mut().zip(owed) {
                 *told += owed;
@@ -117,11 +116,50 @@ impl Controller {
         }
     }
 
+    /// The share of the load, P_i - P_set_i, without the exchange's own moves. P follows P_set late, so that a
+    /// bound on P - P_set would answer every move of P_set with another. So P_set is followed as late as P may
+    /// be: with F how P follows and M how it is followed here, both of first order, (F - M) P_set is what is left
+    /// of the move, which has a gain below 1 whatever their times, and so dies out.
+    fn share(&mut self, now_ns: i64) {
+        let [followed_s, shared_s] = self.share_times_s();
+        let (state, scratch) = (&self.state, &mut self.scratch);
+        if scratch.shares.is_empty() {
+            return;
+        }
+        let elapsed_s = seconds((now_ns - state.clock.sampled_ns).max(0));
+        let first = state.clock.samples == 0;
+        let new = |T_s: f64| if first || T_s == 0.0 { 1.0 } else { -(-elapsed_s / T_s).exp_m1() };
+        let followed = new(followed_s);
+        let shared = new(shared_s);
+        for (i, (&P, &P_set)) in state.inputs.P.iter().zip(&state.outputs.P_set).enumerate() {
+            scratch.followed[i] = state.followed[i] + followed * (P_set - state.followed[i]);
+            let share = P - scratch.followed[i];
+            scratch.shares[i] = state.shares[i] + shared * (share - state.shares[i]);
+        }
+        scratch.signals.of_mut(Quantity::Share).copy_from_slice(&scratch.shares);
+    }
+
+    /// Time constants of P_set as the power follows it, and of the share of the load, s.
+    pub(super) fn share_times_s(&self) -> [f64; 2] {
+        let step_s = seconds(self.state.clock.step_ns);
+        let loop_s = self.state.lags.frequency.loop_steps() * step_s;
+        [FOLLOWING_S.max(loop_s - step_s), self.fixed.filter.P_s.max(SHARE_LOOPS * loop_s)]
+    }
+
     /// A flow law of one quantity for a step of `h_s`, its measurements late by `lag`.
     pub(super) fn flow(&self, gain: f64, lag: &Lag, h_s: f64) -> Flow {
         let parameters = &self.state.parameters;
-        let theta_s = boundary_layer(parameters.discretisation, lag.widening() * h_s, parameters.theta_min);
+        let least_s = self.least_layer(parameters.theta_min, seconds(self.network.longest_delay_ns()));
+        let theta_s = boundary_layer(parameters.discretisation, lag.widening() * h_s, least_s);
         Flow::new(self.power(), gain, theta_s)
+    }
+
+    /// The least boundary layer, s.
+    pub(super) fn least_layer<S: Scalar>(&self, theta_min_s: S, longest_delay_s: S) -> S {
+        match self.state.parameters.voltage_policy {
+            VoltagePolicy::Average => theta_min_s.max(S::constant(DELAY_LAYER) * longest_delay_s),
+            VoltagePolicy::Paper => theta_min_s,
+        }
     }
 
     fn power(&self) -> SignPower {

@@ -32,8 +32,9 @@ pub struct State {
     pub(super) lags: Lags,
     /// Time left of the fade of the exchange, ns.
     pub(super) fade_left_ns: i64,
-    /// P_i - P_set_i, slow, by agent, pu; empty where no limit asks for it.
+    /// Share of the load, and P_set as the power follows it, by agent, pu; empty where no limit asks for them.
     pub(super) shares: Vec<f64>,
+    pub(super) followed: Vec<f64>,
     /// x_i of p and of q, by agent, pu; empty without limits on power.
     pub(super) owed: [Vec<f64>; 2],
     /// Of V_set over Q, by agent; empty without limits on power.
@@ -124,6 +125,7 @@ impl State {
         }
         finite(&mut problems, "filtered", &self.filtered, scratch.filtered.len());
         finite(&mut problems, "shares", &self.shares, scratch.shares.len());
+        finite(&mut problems, "followed", &self.followed, scratch.followed.len());
         for ((path, owed), working) in
             ["owed of p", "owed of q"].into_iter().zip(&self.owed).zip(&scratch.owed)
         {

@@ -21,6 +21,7 @@ impl Controller {
         state.filtered.copy_from_slice(&scratch.filtered);
         state.received_ns.copy_from_slice(&scratch.received_ns);
         state.shares.copy_from_slice(&scratch.shares);
+        state.followed.copy_from_slice(&scratch.followed);
         for (owed, next) in state.owed.iter_mut().zip(&scratch.owed) {
             owed.copy_from_slice(next);
         }

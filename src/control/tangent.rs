@@ -6,7 +6,6 @@ use super::config::{Discretisation, VoltagePolicy};
 use super::controller::Controller;
 use super::delay::{Quantity, Signals};
 use super::discretisation::{Flow, SignPower, boundary_layer};
-use super::evaluate::{SHARE_LOOPS, SHARE_S};
 use super::exchange::{Exchange, HeldLink, setpoints};
 use super::io::{Inputs, Outputs, Parameters};
 use super::lag::Lag;
@@ -91,6 +90,9 @@ impl Controller {
             let power = SignPower::new(self.fixed.law, Dual::new(self.state.parameters.eta, d.eta));
             let discretisation = self.state.parameters.discretisation;
             let theta_min = Dual::new(self.state.parameters.theta_min, d.theta_min);
+            let of_delay = if self.network.longest_follows_common() { d.delay } else { 0.0 };
+            let longest_delay = Dual::new(seconds(self.network.longest_delay_ns()), of_delay);
+            let theta_min = self.least_layer(theta_min, longest_delay);
             let tuned = Tuned { power, discretisation, theta_min };
             let past = Dual::new(0.0, if direction == Direction::Time { -1.0 } else { 0.0 });
             let late = Lateness { past, delay: Dual::new(0.0, d.delay) };
@@ -150,7 +152,8 @@ impl Controller {
             }
         }
         self.filter_rates(direction, signals);
-        self.share_rates(direction, signals);
+        self.share_rates(direction, tangents);
+        let signals = &mut tangents.signals;
         for quantity in
             [Quantity::Omega, Quantity::P, Quantity::V, Quantity::Q, Quantity::Soc, Quantity::Share]
         {
@@ -191,19 +194,18 @@ impl Controller {
         }
     }
 
-    /// What the slow share of the load makes of the rates.
-    fn share_rates(&self, direction: Direction, signals: &mut Signals<Dual>) {
-        if self.state.shares.is_empty() {
-            return;
-        }
-        let clock = self.state.clock;
-        let loop_s = self.state.lags.frequency.loop_steps() * seconds(clock.step_ns);
-        let constant_s = (SHARE_LOOPS * loop_s).max(SHARE_S);
+    /// As `Controller::share`.
+    fn share_rates(&self, direction: Direction, tangents: &mut Tangents) {
+        let (state, clock) = (&self.state, self.state.clock);
         let elapsed_s = seconds((clock.now_ns - clock.sampled_ns).max(0));
-        for (i, &last) in self.state.shares.iter().enumerate() {
-            let P = signals.of(Quantity::P)[i] / Dual::constant(self.state.parameters.K_P[i]);
-            signals.of_mut(Quantity::Share)[i] =
-                if clock.samples > 0 { filtered(direction, P, last, elapsed_s, constant_s) } else { P };
+        let follows = |x: Dual, last: f64, T_s: f64| {
+            if clock.samples > 0 && T_s > 0.0 { filtered(direction, x, last, elapsed_s, T_s) } else { x }
+        };
+        let [followed_s, shared_s] = self.share_times_s();
+        for (i, (&last, &was)) in state.shares.iter().zip(&state.followed).enumerate() {
+            let P = Dual::new(state.inputs.P[i], tangents.inputs.P[i]);
+            let P_set = follows(Dual::constant(state.outputs.P_set[i]), was, followed_s);
+            tangents.signals.of_mut(Quantity::Share)[i] = follows(P - P_set, last, shared_s);
         }
     }
 

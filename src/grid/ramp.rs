@@ -126,6 +126,7 @@ impl GridModel {
         self.readout.get_mut().valid = false;
         // Back from some moment within the step, whatever came of it.
         let back = self.network.update(&conditions(state));
+        self.in_line = back.is_ok();
         self.effort = outcome.map_err(|failure| failure.of_step(start_ns))?;
         back?;
         for (part, values) in

@@ -110,8 +110,8 @@ impl GridModel {
         self.refresh()?;
         let ws = &mut d.workspace;
         ws.restart();
+        ws.set_sources((0..self.n()).map(|i| self.V(i)), &self.state.delta);
         for i in 0..self.n() {
-            ws.set_source(i, self.V(i), self.state.delta[i]);
             d.e[i] = c64::new(ws.e_re[i], ws.e_im[i]);
         }
         self.network.voltages(ws)?;

@@ -4,6 +4,7 @@
 
 use super::coupling::{Connection, CouplingError, Endpoint};
 use super::description::{Causality, Variable};
+use super::lookup::Lookup;
 use super::near;
 use super::participant::Participant;
 use super::plan::Plan;
@@ -14,6 +15,20 @@ use crate::scenario::units::Unit;
 use std::collections::BTreeSet;
 
 type Participants<'a> = &'a [Box<dyn Participant>];
+
+/// Finds every name of the table, so that a misspelt one is not told as a missing source.
+pub(super) fn check_names(
+    participants: Participants<'_>,
+    connections: &[Connection],
+) -> Result<(), CouplingError> {
+    let lookup = Lookup::new(participants);
+    for (k, connection) in connections.iter().enumerate() {
+        let place = format!("connection {} ({} to {})", k + 1, connection.from, connection.to);
+        lookup.find(&place, &connection.from)?;
+        lookup.find(&place, &connection.to)?;
+    }
+    Ok(())
+}
 
 /// Compares the units that the table names with those that the model descriptions declare; where the table names
 /// none and scales nothing, the declared ones with each other. Unknown units are nobody's business.
@@ -128,7 +143,8 @@ pub(super) fn check_sources(
     Ok(())
 }
 
-/// What the other participant has left to connect: names near to the wanted one, else the first few.
+/// What the other participant has left to connect: names near to the wanted one, else those with its quantity in
+/// them as a word, else the first few.
 fn free(
     participants: Participants<'_>,
     not: &str,
@@ -143,9 +159,19 @@ fn free(
         let endpoint = Endpoint::new(other.name(), variable.name.as_str());
         variable.causality == causality && !taken.contains(&endpoint)
     };
-    let names = || other.variables().iter().filter(is_free).map(|variable| variable.name.as_str());
-    let near = near::near_matches(wanted, names());
-    let shown: Vec<&str> = if near.is_empty() { names().take(8).collect() } else { near };
+    let names: Vec<&str> = other.variables().iter().filter(is_free).map(|v| v.name.as_str()).collect();
+    let quantity = wanted.split('[').next().unwrap_or(wanted);
+    let has_quantity = |name: &&&str| {
+        let mut words = name.split(|c: char| !c.is_alphanumeric());
+        words.any(|word| word.eq_ignore_ascii_case(quantity))
+    };
+    let mut shown = near::near_matches(wanted, names.iter().copied());
+    if shown.is_empty() {
+        shown = names.iter().filter(has_quantity).take(8).copied().collect();
+    }
+    if shown.is_empty() {
+        shown = names.iter().take(8).copied().collect();
+    }
     match shown.len() {
         0 => format!("; {} has no free {causality}", other.name()),
         _ => format!("; free in {}: {}", other.name(), shown.join(", ")),

@@ -46,19 +46,22 @@ pub struct Cast {
 /// An FMU gets the scenario's parameters where it has parameters of those names, so that a changed
 /// scenario also changes what an FMU exported earlier does.
 pub fn stage(resolved: &Resolved, cast: &Cast) -> Result<(Vec<Box<dyn Participant>>, Plan), HarnessError> {
-    let own: [Box<dyn Participant>; 2] = [
-        in_process(CONTROLLER, Controller::new(Controller::resource(resolved)))?,
-        in_process(GRID, Grid::new(Grid::resource(resolved)))?,
+    let own = [
+        in_process(CONTROLLER, Controller::new(Controller::resource(resolved))),
+        in_process(GRID, Grid::resource(resolved).and_then(Grid::new)),
     ];
 
     let mut participants: Vec<Box<dyn Participant>> = Vec::with_capacity(2);
     let mut initial = Vec::new();
-    for (own, origin) in own.into_iter().zip([&cast.controller, &cast.grid]) {
+    for ((own, origin), name) in own.into_iter().zip([&cast.controller, &cast.grid]).zip([CONTROLLER, GRID]) {
         match origin {
-            Origin::InProcess => participants.push(own),
+            Origin::InProcess => participants.push(own?),
             Origin::Fmu(path) => {
-                let slave = Fmu::open(path)?.instantiate(own.name())?;
-                initial.extend(parameters(own.as_ref(), &slave));
+                let slave = Fmu::open(path)?.instantiate(name)?;
+                // Without a network there is no grid of our own whose parameters could be passed on.
+                if name == CONTROLLER || resolved.grid.is_some() {
+                    initial.extend(parameters(own?.as_ref(), &slave));
+                }
                 participants.push(Box::new(slave));
             }
         }
@@ -139,6 +142,7 @@ pub fn plan(
             .map(|event| Event { at_ns: nanoseconds(event.at_s), sets: settings(&event.set) })
             .collect(),
     };
+    closed_loop::check_names(participants, &plan.connections)?;
     closed_loop::check_units(participants, &resolved.wires, &plan.connections)?;
     closed_loop::check_sources(participants, &plan, resolved)?;
     Ok(plan)

@@ -111,7 +111,7 @@ fn grid(
     interface: Interface,
     libraries: &Libraries,
 ) -> Result<(Grid, Entries), PackageError> {
-    let resource = Grid::resource(resolved);
+    let resource = Grid::resource(resolved)?;
     let json = resource.to_json()?;
     let model = Grid::new(resource)?;
     let entries = entries(&model, interface, (Grid::RESOURCE, json), &documentation::GRID, libraries)?;

@@ -61,7 +61,7 @@ pub struct Wire {
 /// The wires of the whole table, in its order, battery by battery.
 pub(super) fn wires(
     scenario: &Scenario,
-    grid: &grid::Config,
+    grid: Option<&grid::Config>,
     origin: &str,
 ) -> Result<Vec<Wire>, ScenarioError> {
     let names = Batteries::new(scenario);
@@ -212,7 +212,7 @@ struct BaseOf<'a> {
 }
 
 impl<'a> BaseOf<'a> {
-    fn new(scenario: &'a Scenario, grid: &grid::Config, origin: &str) -> Result<Self, ScenarioError> {
+    fn new(scenario: &'a Scenario, grid: Option<&grid::Config>, origin: &str) -> Result<Self, ScenarioError> {
         let bases = &scenario.bases;
         let n = scenario.bess.len();
         let numbers = [("MVA", bases.mva), ("Hz", bases.hz)];
@@ -230,7 +230,7 @@ impl<'a> BaseOf<'a> {
         if let Some(kv) = &bases.kv {
             check(kv, n, origin, "bases.kV")?;
         }
-        let case = grid.case.resolve().ok();
+        let case = grid.and_then(|grid| grid.case.resolve().ok());
         let of_bus = |id: u64| {
             let buses = &case.as_ref()?.bus;
             buses.iter().find(|bus| bus.id == id).map(|bus| bus.base_kv).filter(|kv| *kv > 0.0)

@@ -286,7 +286,8 @@ pub struct Grid {
     /// FMU of another grid model in the place of the built-in one, relative to the scenario file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fmu: Option<String>,
-    /// `case57`, or a MATPOWER case as `.json` or `.m`, relative to the scenario file.
+    /// `case57`, or a MATPOWER case as `.json` or `.m`, relative to the scenario file; `none` where an FMU is the
+    /// grid and nothing else is to be known of the network.
     pub case: String,
     /// Cutoff frequency of the power measurement, rad/s.
     pub omega_c: f64,

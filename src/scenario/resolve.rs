@@ -18,8 +18,8 @@ pub struct Resolved {
     pub source: Source,
     /// The controller.
     pub control: control::Config,
-    /// The grid.
-    pub grid: grid::Config,
+    /// The built-in grid model; none where `grid.case` is "none", for an FMU takes its place.
+    pub grid: Option<grid::Config>,
     /// The connection table, wire by wire.
     pub wires: Vec<Wire>,
 }
@@ -37,9 +37,9 @@ impl Resolved {
         name_every_battery(&mut scenario, &source.origin)?;
         let grid = resolve_grid::grid(&scenario, source)?;
         let control = resolve_control::control(&scenario, &source.origin, || {
-            resolve_grid::electrical_distances(&grid, &source.origin)
+            resolve_grid::electrical_distances(grid.as_ref(), &source.origin)
         })?;
-        let wires = connection::wires(&scenario, &grid, &source.origin)?;
+        let wires = connection::wires(&scenario, grid.as_ref(), &source.origin)?;
         Ok(Self { scenario, source: source.clone(), control, grid, wires })
     }
 

@@ -42,6 +42,8 @@ def simulated(command, seconds=300):
         done = subprocess.run(command, cwd=HERE, capture_output=True, text=True, timeout=seconds)
     except subprocess.TimeoutExpired:
         return None, f"not done after {seconds} s"
+    except OSError as error:
+        return None, f"not started: {error}"
     lines = [line for line in done.stdout.splitlines() if line.startswith('{"master"')]
     if done.returncode == 0 and len(lines) == 1:
         return json.loads(lines[0]), ""
@@ -97,6 +99,8 @@ def test_a_crash_and_a_wrong_end_are_seen(rest, tmp_path, python):
         script.write_text(code)
         result, why = simulated([python(""), script], seconds=2 if "sleep" in code else 60)
         assert result is None and why.startswith(expected), why
+    result, why = simulated([tmp_path / "no-such-python", script])
+    assert result is None and why.startswith("not started"), why
 
     end = {q: [rest[f"grid.{q}[{i}]"] for i in AGENTS] for q in ("omega", "V", "P", "Q")}
     good = {"steps": STEPS, "delay": 0, "end": end}

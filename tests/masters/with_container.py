@@ -4,6 +4,7 @@
 import importlib.metadata
 import json
 import pathlib
+import shutil
 import subprocess
 import sysconfig
 import tempfile
@@ -25,7 +26,7 @@ def tool(name, *arguments):
 
 
 def check(file):
-    """`fmutool -check` ends with 0 even where it finds something; what it says counts."""
+    """`fmutool -check` ends with an error where it finds one; a warning counts here as well."""
     said = tool("fmutool", "-input", str(file), "-check")
     assert "compliant with FMI-2.0" in said and "No semantic error" in said, said
     assert "ERROR" not in said and "WARNING" not in said, said
@@ -44,8 +45,11 @@ def pack(folder, scratch):
     }
     file = scratch / "container.json"
     file.write_text(json.dumps(description))
-    tool("fmucontainer", "-fmu-directory", str(folder), "-container", str(file))
-    return next(path for at in (scratch, folder) for path in [at / "BessSystem.fmu"] if path.is_file())
+    # The container is written into the folder of its FMUs.
+    for name in FILES.values():
+        shutil.copy(folder / name, scratch)
+    tool("fmucontainer", "-fmu-directory", str(scratch), "-container", str(file))
+    return scratch / "BessSystem.fmu"
 
 
 with tempfile.TemporaryDirectory() as scratch:

@@ -3,6 +3,7 @@
 
 use crate::{
     error::Failure,
+    platforms,
     process::{command, on_path, output, run, succeeds},
     workspace::Workspace,
 };
@@ -26,6 +27,18 @@ pub enum Need {
     Chromium,
     /// Threading Building Blocks, which the master Ecos is linked with.
     Tbb,
+    /// Compilers for every platform that an FMU can be for.
+    CrossRust,
+    /// A linker for Windows, and what lists the contents of its libraries.
+    Mingw,
+    /// What runs programs for Windows.
+    Wine,
+    /// What runs programs for 64-bit Arm Linux, and their C library.
+    QemuAarch64,
+    /// GNU Octave, which runs MATPOWER.
+    Octave,
+    /// Counts instructions.
+    Valgrind,
 }
 
 impl Need {
@@ -38,6 +51,14 @@ impl Need {
             Need::Python => succeeds(Command::new("python3").args(["-c", PYTHON_IS_FIT])),
             Need::Chromium => on_path("chromium").is_some(),
             Need::Tbb => find_library(Path::new("/usr"), "libtbb.so.12"),
+            Need::CrossRust => platforms::compiles_for_all(),
+            Need::Mingw => {
+                ["gcc", "objdump"].iter().all(|tool| on_path(&format!("x86_64-w64-mingw32-{tool}")).is_some())
+            }
+            Need::Wine => Path::new(DEBIANS_WINE).is_file() || on_path("wine64").is_some(),
+            Need::QemuAarch64 => on_path("qemu-aarch64").is_some() && Path::new(ARM_LOADER).is_file(),
+            Need::Octave => on_path("octave-cli").is_some(),
+            Need::Valgrind => on_path("valgrind").is_some(),
         }
     }
 
@@ -49,6 +70,12 @@ impl Need {
             Need::Python => &["python3", "python3-venv"],
             Need::Chromium => &["chromium"],
             Need::Tbb => &["libtbb12"],
+            Need::CrossRust => &["rustc-web", "cargo-web", "rust-web-src"],
+            Need::Mingw => &["gcc-mingw-w64-x86-64-posix"],
+            Need::Wine => &["wine64"],
+            Need::QemuAarch64 => &["qemu-user", "libc6-arm64-cross"],
+            Need::Octave => &["octave"],
+            Need::Valgrind => &["valgrind"],
         }
     }
 
@@ -63,9 +90,26 @@ impl Need {
             }
             Need::Chromium => format!("chromium is missing: {}", install_line(self.packages())),
             Need::Tbb => format!("libtbb.so.12 is missing: {}", install_line(self.packages())),
+            Need::CrossRust => {
+                let targets = platforms::Platform::ALL.map(platforms::Platform::triple).join(" ");
+                let debian = install_line(self.packages());
+                format!("no Rust for other platforms: rustup target add {targets}; or on Debian 12: {debian}")
+            }
+            Need::Mingw => format!("mingw is missing: {}", install_line(self.packages())),
+            Need::Wine => format!("wine is missing: {}", install_line(self.packages())),
+            Need::QemuAarch64 => {
+                format!("qemu-aarch64 or its C library is missing: {}", install_line(self.packages()))
+            }
+            Need::Octave => format!("octave is missing: {}", install_line(self.packages())),
+            Need::Valgrind => format!("valgrind is missing: {}", install_line(self.packages())),
         }
     }
 }
+
+/// Debian puts no link to it into PATH.
+const DEBIANS_WINE: &str = "/usr/lib/wine/wine64";
+/// The dynamic loader of libc6-arm64-cross.
+const ARM_LOADER: &str = "/usr/aarch64-linux-gnu/lib/ld-linux-aarch64.so.1";
 
 /// numpy's pinned version asks for Python 3.11; Debian leaves ensurepip out of its plain python3.
 const PYTHON_IS_FIT: &str = "import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))";

@@ -1,29 +1,58 @@
-//! Builds the two shared libraries and `bess`, and has `bess` pack the FMUs.
+//! Builds the shared libraries and the `bess` that carries them, and has `bess` pack the FMUs.
 
 use crate::{
     error::Failure,
+    platforms::{self, Built, MODELS, Platform},
     process::{cargo, command, run},
     workspace::Workspace,
 };
-use std::io::IsTerminal;
+use std::{io::IsTerminal, process::Command};
 
 /// The packed controller, from the workspace root.
 pub const CONTROLLER: &str = "fmu/BessConsensus.fmu";
 /// The packed grid, from the workspace root.
 pub const GRID: &str = "fmu/BessGrid.fmu";
 
-/// Builds everything in release and packs both FMUs for the scenario `case1`.
+/// Builds for this platform, and packs both FMUs for the scenario `case1`.
 pub fn build_and_pack(workspace: &Workspace) -> Result<(), Failure> {
-    // One cargo call each: in one call the features of the three would unify, and the controller's
-    // library would carry the grid and the desk tools.
-    for package in ["bess-controller-fmu", "bess-grid-fmu", "bess-consensus"] {
-        let mut build = cargo(workspace);
-        build.args(["build", "--release", "--package", package]);
-        if !std::io::stderr().is_terminal() {
-            build.arg("--quiet");
-        }
-        run(&mut build)?;
+    let Some(platform) = Platform::here() else {
+        return Err(Failure::Other(format!("no FMI 2.0 platform name for {}", std::env::consts::OS)));
+    };
+    let built = [build_here(workspace, platform)?];
+    pack(workspace, &built)?;
+    if let Some(glibc) = platforms::needs(&built[0])? {
+        println!("{} needs {glibc}; `cargo xtask fmu --all-platforms` asks for less", platform.name());
     }
+    Ok(())
+}
+
+/// Builds for every platform that can be built here, and packs them all into both FMUs.
+pub fn build_and_pack_all(workspace: &Workspace) -> Result<Vec<Built>, Failure> {
+    let built = platforms::build_all(workspace)?;
+    pack(workspace, &built)?;
+    for one in &built {
+        let glibc = platforms::needs(one)?.map(|glibc| format!(", needs {glibc}"));
+        println!("{}{}", one.platform.name(), glibc.unwrap_or_default());
+    }
+    Ok(built)
+}
+
+/// The shared libraries of both models for the platform that this program runs on, by the plain cargo.
+pub fn build_here(workspace: &Workspace, platform: Platform) -> Result<Built, Failure> {
+    // One cargo call each: in one call the features of the two would unify, and the controller's
+    // library would carry the grid.
+    for (package, _) in MODELS {
+        start(cargo(workspace).args(["build", "--release", "--package", package]))?;
+    }
+    Ok(Built::in_folder(platform, &workspace.release()))
+}
+
+/// Builds the `bess` that carries these libraries, and has it write both FMUs.
+fn pack(workspace: &Workspace, built: &[Built]) -> Result<(), Failure> {
+    let archive = platforms::carry(workspace, built)?;
+    let mut bess = cargo(workspace);
+    bess.args(["rustc", "--release", "--package", "bess-consensus", "--bin", "bess"]);
+    start(bess.env("BESS_CARRY", archive).arg("--").args(platforms::CARRY_CFG))?;
     for (model, file) in [("controller", CONTROLLER), ("grid", GRID)] {
         run(command(workspace, workspace.bess()).args(["export", model, "case1", "-o", file]))?;
         let packed = workspace.root.join(file);
@@ -31,6 +60,14 @@ pub fn build_and_pack(workspace: &Workspace) -> Result<(), Failure> {
         println!("{file}: {}", kibibytes(size));
     }
     Ok(())
+}
+
+/// Runs a cargo command whose words are of no use where nobody watches.
+fn start(cargo: &mut Command) -> Result<(), Failure> {
+    if !std::io::stderr().is_terminal() {
+        cargo.env("CARGO_TERM_QUIET", "true");
+    }
+    run(cargo)
 }
 
 fn kibibytes(bytes: u64) -> String {

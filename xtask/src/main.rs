@@ -8,6 +8,7 @@ mod error;
 mod fmu;
 mod generate;
 mod licenses;
+mod platforms;
 mod process;
 mod python;
 mod scenario;
@@ -32,16 +33,28 @@ const EXAMPLES: &str = "Examples:
   cargo xtask run case1                     build both FMUs, couple them, write results/case1/
   cargo xtask run my.json -- --help         what else `bess run` takes
   cargo xtask fmu                           only build both and pack them into fmu/
+  cargo xtask fmu --all-platforms           for linux64, win64 and aarch64-linux
+  cargo xtask wheel                         `bess` as a Python wheel, target/wheels/
   cargo xtask test                          everything
   cargo xtask test --only fmt,clippy        two stages of it
   cargo xtask test --only fmpy -- -k reset  one stage, with arguments for pytest
   cargo xtask bench                         speed against the bars, target/bench/summary.json
+  cargo xtask bench --only power-flow       one family of its rows
   cargo xtask generate schema               write schema/scenario.schema.json anew";
 
 #[derive(Subcommand)]
 enum Task {
     /// Build both shared libraries and `bess`, pack fmu/BessConsensus.fmu and fmu/BessGrid.fmu.
-    Fmu,
+    ///
+    /// `bess` (target/release/bess) then carries the libraries inside itself.
+    Fmu {
+        /// For linux64 (any glibc from 2.17 on), win64 and aarch64-linux; what cannot be built here is left out,
+        /// and what to install is said.
+        #[arg(long)]
+        all_platforms: bool,
+    },
+    /// Build `bess` as a Python wheel that carries the libraries for all platforms, target/wheels/*.whl.
+    Wheel,
     /// Build, pack, and couple controller and grid in a scenario; the results go to results/SCENARIO/.
     Run {
         /// Built-in name (case1 to case4) or path of a scenario file.
@@ -64,7 +77,13 @@ enum Task {
         pytest: Vec<String>,
     },
     /// Measure speed against the bars; a missed bar is shown and is no error.
+    ///
+    /// Peers are installed as pinned in benches/peers (Python, and as root Octave and valgrind from
+    /// Debian); a row whose peer is missing says so and is not met.
     Bench {
+        /// Only these families of rows.
+        #[arg(long, value_enum, value_delimiter = ',', value_name = "FAMILY")]
+        only: Vec<bench::Family>,
         /// How many times each figure is measured; the median counts.
         #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=1000))]
         runs: u32,
@@ -90,13 +109,17 @@ fn main() -> ExitCode {
 fn dispatch(task: Task) -> Result<ExitCode, Failure> {
     let workspace = Workspace::find()?;
     match task {
-        Task::Fmu => fmu::build_and_pack(&workspace)?,
+        Task::Fmu { all_platforms: true } => {
+            fmu::build_and_pack_all(&workspace)?;
+        }
+        Task::Fmu { all_platforms: false } => fmu::build_and_pack(&workspace)?,
+        Task::Wheel => println!("{}", platforms::wheel(&workspace)?.display()),
         Task::Run { scenario, extra } => {
             fmu::build_and_pack(&workspace)?;
             scenario::run(&workspace, &scenario, &extra)?;
         }
         Task::Test { only, pytest } => return stages::run(&workspace, &only, pytest),
-        Task::Bench { runs } => bench::run(&workspace, runs)?,
+        Task::Bench { only, runs } => bench::run(&workspace, runs, &only)?,
         Task::Generate { what } => generate::run(&workspace, &what)?,
     }
     Ok(ExitCode::SUCCESS)

@@ -35,6 +35,11 @@ impl Workspace {
         self.release().join("bess")
     }
 
+    /// What is built for other platforms, and the archive of libraries that `bess` carries.
+    pub fn platforms(&self) -> PathBuf {
+        self.target.join("platforms")
+    }
+
     /// Where release builds land.
     pub fn release(&self) -> PathBuf {
         self.target.join("release")

@@ -21,11 +21,17 @@ impl Grid {
     /// File in `resources/` that makes the model: a [`Resource`] of a [`Config`].
     pub const RESOURCE: &'static str = "grid.json";
 
-    /// What a scenario puts into the FMU.
+    /// What a scenario puts into the FMU, if it describes a network.
     #[cfg(feature = "host")]
-    pub fn resource(resolved: &crate::scenario::Resolved) -> Resource<Config> {
+    pub fn resource(resolved: &crate::scenario::Resolved) -> Result<Resource<Config>, ModelError> {
         let scenario = &resolved.scenario;
-        Resource { stop_s: scenario.stop_s, step_s: scenario.step_s, config: resolved.grid.clone() }
+        let none = || {
+            let text = "grid.case is \"none\": there is no built-in grid; expected a case, or an FMU as grid.fmu or \
+                        --grid";
+            ModelError::new(text.to_owned())
+        };
+        let config = resolved.grid.clone().ok_or_else(none)?;
+        Ok(Resource { stop_s: scenario.stop_s, step_s: scenario.step_s, config })
     }
 
     /// The model of this configuration, in its start state.

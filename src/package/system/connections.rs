@@ -28,7 +28,7 @@ impl Connection<'_> {
 /// All wires, in the order of table, components and inputs.
 pub fn between<'a>(parts: &'a [Part], table: &[Wire]) -> Result<Vec<Connection<'a>>, SystemError> {
     let mut all: Vec<Connection<'a>> = Vec::new();
-    for (k, line) in table.iter().enumerate() {
+    for line in table {
         let path = format!("connections, {} to {}", line.from, line.to);
         let from = endpoint(parts, &path, &line.from, Causality::Output, "output; as grid.P[1]")?;
         let to = endpoint(parts, &path, &line.to, Causality::Input, "input; as controller.P[1]")?;
