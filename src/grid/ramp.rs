@@ -108,7 +108,7 @@ impl GridModel {
             part.copy_from_slice(values);
         }
         memory.y[4 * n] = 0.0;
-        memory.now.clone_from(&state.inputs);
+        memory.now.tie_closed = state.inputs.tie_closed;
         self.workspace.restart();
         let mut grid = Ramped {
             network: &mut self.network,
