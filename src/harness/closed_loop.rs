@@ -12,20 +12,26 @@ use super::scenario::{CONTROLLER, GRID};
 use crate::scenario::Resolved;
 use crate::scenario::connection::Wire;
 use crate::scenario::units::Unit;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 type Participants<'a> = &'a [Box<dyn Participant>];
 
-/// Finds every name of the table, so that a misspelt one is not told as a missing source.
-pub(super) fn check_names(
+/// Finds every name of the table and looks for inputs that it feeds twice, so that a misspelt line is not told as a
+/// missing source.
+pub(super) fn check_table(
     participants: Participants<'_>,
     connections: &[Connection],
 ) -> Result<(), CouplingError> {
     let lookup = Lookup::new(participants);
+    let mut sources: BTreeMap<&Endpoint, &Endpoint> = BTreeMap::new();
     for (k, connection) in connections.iter().enumerate() {
         let place = format!("connection {} ({} to {})", k + 1, connection.from, connection.to);
         lookup.find(&place, &connection.from)?;
         lookup.find(&place, &connection.to)?;
+        if let Some(first) = sources.insert(&connection.to, &connection.from) {
+            let (to, first) = (connection.to.clone(), first.to_string());
+            return Err(CouplingError::TwoSources { place, to, first });
+        }
     }
     Ok(())
 }

@@ -142,7 +142,7 @@ pub fn plan(
             .map(|event| Event { at_ns: nanoseconds(event.at_s), sets: settings(&event.set) })
             .collect(),
     };
-    closed_loop::check_names(participants, &plan.connections)?;
+    closed_loop::check_table(participants, &plan.connections)?;
     closed_loop::check_units(participants, &resolved.wires, &plan.connections)?;
     closed_loop::check_sources(participants, &plan, resolved)?;
     Ok(plan)
