@@ -66,7 +66,9 @@ fn matpower(w: &Workspace, peers: &Peers, case: &str, bus: u64, voltages: &Path)
     let (folder, voltages) = (peers.matpower.display(), voltages.display());
     let call = format!("matpower_power_flow('{folder}', '{case}', {bus}, 1.1, 3, '{voltages}')");
     let mut octave = command(w, "octave-cli");
-    octave.args(["--quiet", "--no-init-file", "--path", "benches/peers", "--eval", &call]);
+    // Absolute, because MATPOWER changes folders.
+    octave.args(["--quiet", "--no-init-file", "--path"]).arg(w.root.join("benches/peers"));
+    octave.args(["--eval", &call]);
     last_line(&output(&mut octave)?)
 }
 
