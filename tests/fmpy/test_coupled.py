@@ -120,14 +120,14 @@ def schedule_of(columns, members, time):
 
 def test_the_example_runs_as_printed(root):
     script = root / "examples/couple_fmpy.py"
-    command = [sys.executable, script, "--stop", "14", "--enable-at", "2", "--load-at", "8", "--no-plot"]
+    command = [sys.executable, script, "--stop", "18", "--enable-at", "2", "--load-at", "8", "--no-plot"]
     # Started from somewhere else: it finds the FMUs by itself.
     result = subprocess.run(command, cwd="/", capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
     rows = [line.split() for line in result.stdout.splitlines() if line[:6].strip()[:1].isdigit()]
     assert len(rows) >= 4
     last = rows[-1]
-    assert abs(float(last[0]) - 14.0) < 1e-9
+    assert abs(float(last[0]) - 18.0) < 1e-9
     assert abs(float(last[1])) < 1e-5, "frequency is restored (droop alone: 7e-3)"
 
 
