@@ -57,7 +57,7 @@ type Change = fn(&mut Config);
 #[test]
 fn no_step_allocates() {
     let n = 12;
-    let cases: [(&str, Change); 6] = [
+    let cases: [(&str, Change); 7] = [
         ("plain", |_| {}),
         ("delayed", |c| c.delay_s = 0.5),
         ("lossy", |c| c.channel = Channel { jitter_s: 0.1, loss: 0.2, seed: 1 }),
@@ -67,6 +67,11 @@ fn no_step_allocates() {
         ("average voltage, fixed time", |c| {
             c.voltage_policy = VoltagePolicy::Average;
             c.law = Law::FixedTime { alpha: 1.0, beta: 1.0 };
+        }),
+        ("average voltage, delayed and lossy", |c| {
+            c.voltage_policy = VoltagePolicy::Average;
+            c.delay_s = 0.5;
+            c.channel = Channel { jitter_s: 0.1, loss: 0.2, seed: 1 };
         }),
         ("limited", |c| {
             let all = |x: f64| Some(vec![x; 12]);
