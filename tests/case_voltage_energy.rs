@@ -7,6 +7,9 @@ mod case_support;
 use bess_consensus::scenario::Resolved;
 use case_support::{N, Run, keys, scenario};
 
+/// When the controller turns on, a load drops and another one comes in `voltage`, s.
+const EVENTS: [f64; 3] = [20.0, 50.0, 80.0];
+
 /// Spread of K_Q Q and abs(mean V - 1) in the last second before 30 s after each event.
 fn average_voltage(run: &Run, events: &[f64]) -> Vec<(f64, f64)> {
     let (q, V) = (run.q(), run.of_grid("V"));
@@ -16,32 +19,41 @@ fn average_voltage(run: &Run, events: &[f64]) -> Vec<(f64, f64)> {
 
 #[test]
 fn reactive_sharing_and_mean_voltage_are_exact_within_30_s_of_each_event() {
-    for (sharing, mean) in average_voltage(&scenario("voltage", &[]), &[20.0, 50.0, 80.0]) {
+    for (sharing, mean) in average_voltage(&scenario("voltage", &[]), &EVENTS) {
         println!("10 ms: K_Q Q spread {sharing:.1e}, mean V {mean:.1e}");
         assert!(sharing < 1e-6 && mean < 1e-6);
     }
 }
 
-/// The bar of 5e-4 with 500 ms delay: met after the first two events with a softer voltage law (eta = 0.3, gain
-/// of V 0.1, of Q 3), not after the third; docs/paper.md has the figures.
+/// With 500 ms on every edge and the scenario's own settings.
 #[test]
-fn with_half_a_second_of_delay_both_are_within_5e_4() {
-    let set = [
-        ("control.delay_s", "0.5"),
-        ("control.eta", "0.3"),
-        ("control.gains.V", "0.1"),
-        ("control.gains.Q", "3"),
-    ];
-    let run = scenario("voltage", &set);
-    for (sharing, mean) in average_voltage(&run, &[20.0, 50.0]) {
+fn with_half_a_second_of_delay_both_are_within_5e_4_within_30_s_of_each_event() {
+    for (sharing, mean) in average_voltage(&scenario("voltage", &[("control.delay_s", "0.5")]), &EVENTS) {
         println!("500 ms: K_Q Q spread {sharing:.1e}, mean V {mean:.1e}");
         assert!(sharing < 5e-4 && mean < 5e-4);
     }
-    println!("500 ms, load +(1+1j), not met: {:?}", average_voltage(&run, &[80.0]));
-    println!(
-        "500 ms, paper's gains, not met: {:?}",
-        average_voltage(&scenario("voltage", &set[..1]), &[20.0, 50.0, 80.0])
-    );
+}
+
+/// What meets a bar for its reason meets it in the neighbourhood too.
+#[test]
+fn it_hangs_neither_on_the_step_nor_on_gains_nor_on_punctual_messages() {
+    for change in [
+        ("step_s", "0.002"),
+        ("step_s", "0.02"),
+        ("control.delay_s", "0.3"),
+        ("control.delay_s", "0.6"),
+        ("control.eta", "0.3"),
+        ("control.gains.V", "0.3"),
+        ("control.gains.V", "3"),
+        ("control.gains.Q", "0.5"),
+        ("control.gains.Q", "2"),
+        ("control.channel", r#"{"jitter_s": 0.2, "loss": 0.2, "seed": 1}"#),
+        ("communication.topologies", r#"[{"name": "b3", "inside": "ring"}]"#),
+    ] {
+        let figures = average_voltage(&scenario("voltage", &[("control.delay_s", "0.5"), change]), &EVENTS);
+        println!("500 ms, {change:?}: {figures:?}");
+        assert!(figures.iter().all(|(sharing, mean)| *sharing < 5e-4 && *mean < 5e-4));
+    }
 }
 
 #[test]
@@ -49,13 +61,16 @@ fn the_estimates_recover_after_an_agent_leaves_and_joins() {
     let events = r#"[{"at_s": 20, "set": {"controller.enable": true}},
         {"at_s": 50, "set": {"controller.available[7]": false}},
         {"at_s": 80, "set": {"controller.available[7]": true}}]"#;
-    let run = scenario("voltage", &[("events", events), ("stop_s", "120")]);
-    let figures = average_voltage(&run, &[20.0, 80.0]);
-    let stayed: Vec<Vec<f64>> = run.q()[..6].to_vec();
-    let away = run.spread(&stayed, 79.0, 80.0);
-    println!("before and after: {figures:?}; K_Q Q spread of the others meanwhile {away:.1e}");
-    assert!(away < 1e-6);
-    assert!(figures.iter().all(|(sharing, mean)| *sharing < 1e-6 && *mean < 1e-6));
+    for (delay_s, bar) in [("0", 1e-6), ("0.5", 5e-4)] {
+        let set = [("events", events), ("stop_s", "120"), ("control.delay_s", delay_s)];
+        let run = scenario("voltage", &set);
+        let figures = average_voltage(&run, &[20.0, 80.0]);
+        let stayed: Vec<Vec<f64>> = run.q()[..6].to_vec();
+        let away = run.spread(&stayed, 79.0, 80.0);
+        println!("{delay_s} s: {figures:?}; K_Q Q spread of the others meanwhile {away:.1e}");
+        assert!(away < bar);
+        assert!(figures.iter().all(|(sharing, mean)| *sharing < bar && *mean < bar));
+    }
 }
 
 #[test]

@@ -90,7 +90,8 @@ fn case2_the_controller_takes_from_the_jump_that_droop_and_network_make_and_adds
         assert!(off.abs() < 1e-6, "BESS {}: {off:e} off the droop's {demanded:e}", i + 1);
     }
     // The synchronous state by Newton's method, from the frozen setpoints alone.
-    let mut grid = GridModel::new(&Resolved::load("case2", &keys(&[])).unwrap().grid).unwrap();
+    let grid = Resolved::load("case2", &keys(&[])).unwrap().grid.unwrap();
+    let mut grid = GridModel::new(&grid).unwrap();
     let inputs = grid.inputs_mut();
     for (name, setpoint) in
         [("omega_set", &mut inputs.omega_set), ("V_set", &mut inputs.V_set), ("P_set", &mut inputs.P_set)]

@@ -136,7 +136,7 @@ fn delays_policies_filters_and_limits() {
     );
     // Each limit of every battery, where the scattered points lie on both sides of it.
     let mut limits = vec![("control.soc_limits".to_owned(), r#"{ "min": 0.3, "max": 0.9, "taper": 0.4 }"#)];
-    for i in 1..=7 {
+    for i in 0..7 {
         for (key, value) in [
             ("P_max", "2.2"),
             ("Q_max", "0.9"),

@@ -47,7 +47,10 @@ fn scatter(instance: &mut Instance<Grid>, random: &mut Scatter, tie: bool) {
     }
 }
 
-const CASES: [(&str, &[(&str, &str)], bool); 6] = [
+/// Scenario, changed keys, whether the tie is closed.
+type Case = (&'static str, &'static [(&'static str, &'static str)], bool);
+
+const CASES: [Case; 6] = [
     ("case1", &[], false),
     ("case1", &[("grid.network", "\"sparse\"")], true),
     ("case1", &[("grid.load_model", "\"constant_power\"")], false),

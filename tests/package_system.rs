@@ -171,11 +171,11 @@ fn what_does_not_fit_is_refused_with_its_key_and_nothing_is_written() {
     refused(
         &set("connections=[{\"from\":\"grid.P\",\"to\":\"controller.P[1]\"}]"),
         2,
-        &["connections[0]", "grid.P", "output"],
+        &["connections, grid.P to controller.P[1]", "no output"],
     );
     refused(
         &set("connections=[{\"from\":\"grid.P[1]\",\"to\":\"controller.enable\"}]"),
         2,
-        &["connections[0]", "Real", "Boolean", "--portable"],
+        &["connections, grid.P[1] to controller.enable", "Real", "Boolean", "--portable"],
     );
 }

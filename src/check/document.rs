@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 /// UTF-8 without its mark, or Latin-1 where the XML declaration says so.
-pub fn decode(bytes: &[u8]) -> Result<Cow<'_, str>, Finding> {
+pub fn decode(bytes: &[u8]) -> Result<Cow<'_, str>, Box<Finding>> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let head = String::from_utf8_lossy(bytes.get(..bytes.len().min(200)).unwrap_or_default()).to_lowercase();
     let declaration = head.split("?>").next().filter(|head| head.starts_with("<?xml")).unwrap_or_default();
@@ -19,22 +19,28 @@ pub fn decode(bytes: &[u8]) -> Result<Cow<'_, str>, Finding> {
         let before = bytes.get(..error.valid_up_to()).unwrap_or_default();
         let line = 1 + before.iter().filter(|byte| **byte == b'\n').count() as u32;
         let mend = "write the file in UTF-8, and say so in its first line";
-        Finding::new(&rules::MALFORMED, Place::line(line), "bytes that are not UTF-8", "text in UTF-8", mend)
+        Box::new(Finding::new(
+            &rules::MALFORMED,
+            Place::line(line),
+            "bytes that are not UTF-8",
+            "text in UTF-8",
+            mend,
+        ))
     })
 }
 
 /// The tree; a DOCTYPE is refused.
-pub fn parse(text: &str) -> Result<Tree<'_>, Finding> {
+pub fn parse(text: &str) -> Result<Tree<'_>, Box<Finding>> {
     Tree::parse(text).map_err(|error| {
         let line = error.pos().row;
         let found = format!("malformed XML: {error}");
-        Finding::new(
+        Box::new(Finding::new(
             &rules::MALFORMED,
             Place::line(line),
             found,
             "well-formed XML without a DTD",
             "mend the XML at that line",
-        )
+        ))
     })
 }
 

@@ -71,14 +71,19 @@ fn statically(path: &Path, report: &mut Report) {
     let Some(bytes) = contents.description.as_deref() else { return };
     let text = match document::decode(bytes) {
         Ok(text) => text,
-        Err(finding) => return report.findings.push(finding),
+        Err(finding) => return report.findings.push(*finding),
     };
     let tree = match document::parse(&text) {
         Ok(tree) => tree,
-        Err(finding) => return report.findings.push(finding),
+        Err(finding) => return report.findings.push(*finding),
     };
-    report.add(schema::check(&tree));
     let document = Document::of(&tree);
+    // Another version has another schema: nothing below would mean anything.
+    if let Some(finding) = model::version(&document) {
+        report.fact("model", document.summary());
+        return report.findings.push(finding);
+    }
+    report.add(schema::check(&tree));
     report.fact("model", document.summary());
     report.add(model::check(&document));
     report.add(names::check(&document));

@@ -11,15 +11,6 @@ pub fn check(document: &Document<'_>) -> Vec<Finding> {
     let mut findings = Vec::new();
     let root = document.root;
     let at = place(root);
-    if let Some(version) = root.attribute("fmiVersion").filter(|version| *version != "2.0") {
-        findings.push(Finding::new(
-            &rules::VERSION,
-            at.clone(),
-            format!("fmiVersion=\"{version}\""),
-            "fmiVersion=\"2.0\"",
-            "export the FMU as FMI 2.0",
-        ));
-    }
     guid(root, &at, &mut findings);
     if document.implementations.is_empty() {
         findings.push(Finding::new(
@@ -45,6 +36,18 @@ pub fn check(document: &Document<'_>) -> Vec<Finding> {
     }
     experiment(document, &mut findings);
     findings
+}
+
+/// Whether it is another version of FMI.
+pub fn version(document: &Document<'_>) -> Option<Finding> {
+    let version = document.root.attribute("fmiVersion").filter(|version| version.trim() != "2.0")?;
+    Some(Finding::new(
+        &rules::VERSION,
+        place(document.root),
+        format!("fmiVersion=\"{version}\""),
+        "fmiVersion=\"2.0\"",
+        "export the FMU as FMI 2.0; nothing else was looked at",
+    ))
 }
 
 fn guid(root: Node<'_, '_>, at: &Place, findings: &mut Vec<Finding>) {

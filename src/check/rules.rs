@@ -52,8 +52,8 @@ rules! {
     IDENTIFIER = "model-identifier", Error, ["bess run", "every importer of FMUs with sources"];
     EXECUTION_TOOL = "execution-tool", Warning, ["every importer on a machine without that tool"];
     SERIALIZE = "serialize-without-state", Error, [];
-    ASYNCHRONOUS = "asynchronous", Note, ["bess run takes fmi2Pending for an error"];
-    ONLY_ONCE = "only-once", Warning, ["Ecos, PyFMI and CoFmuPy where two instances are asked for"];
+    ASYNCHRONOUS = "asynchronous", Note, ["bess run (takes fmi2Pending for an error)"];
+    ONLY_ONCE = "only-once", Warning, ["every importer that is asked for two instances"];
     NO_EXPERIMENT = "default-experiment", Note, [];
     EXPERIMENT = "default-experiment-range", Warning, [];
     EVENT_INDICATORS = "event-indicators", Error, [];
@@ -62,8 +62,8 @@ rules! {
     NAME_UNIQUE = "name-unique", Error, ["FMPy", "bess run"];
     NAME_STRUCTURED = "name-structured", Error, ["FMPy"];
     NAME_FLAT = "name-flat", Error, ["FMPy"];
-    NAME_PLAIN = "name-plain", Note, ["Hopsan (Hopsan#2266) wants plain C identifiers"];
-    ARRAY_GAP = "array-gap", Warning, ["importers that fold P[1], P[2], ... into vectors leave it unfolded"];
+    NAME_PLAIN = "name-plain", Note, ["Hopsan (Hopsan#2266), which wants plain C identifiers"];
+    ARRAY_GAP = "array-gap", Warning, ["importers that fold P[1], P[2], ... into vectors"];
     ALIAS = "reference-alias", Error, [];
 
     // Causality, variability, initial and start.
@@ -75,18 +75,18 @@ rules! {
     START_FORBIDDEN = "start-forbidden", Error, ["FMPy"];
     START_RANGE = "start-range", Error, [];
     RANGE_EMPTY = "range-empty", Error, [];
-    INDEPENDENT = "independent", Warning, ["libcosim prints a false error (fmi-library#129)"];
+    INDEPENDENT = "independent", Warning, ["libcosim (prints a false error, fmi-library#129)"];
     INDEPENDENT_TWICE = "independent-twice", Error, [];
     STRING = "string-in-interface", Warning, ["CoFmuPy", "Hopsan (Hopsan#2266)"];
     ENUMERATION = "enumeration-in-interface", Warning, ["CoFmuPy", "Hopsan (Hopsan#2266)"];
-    NOT_REAL_INPUT = "input-not-real", Note, ["CoFmuPy calls fmi2SetReal on every input"];
+    NOT_REAL_INPUT = "input-not-real", Note, ["CoFmuPy (calls fmi2SetReal on every input)"];
     DERIVATIVE = "derivative", Error, ["FMPy"];
 
     // Units and types.
     UNIT = "unit-undefined", Error, ["FMPy"];
     DISPLAY_UNIT = "display-unit-undefined", Error, ["FMPy"];
     UNIT_TWICE = "unit-twice", Error, [];
-    UNIT_BASE = "unit-without-base", Note, ["tools cannot convert it or check connections"];
+    UNIT_BASE = "unit-without-base", Note, ["tools that convert units or check them across connections"];
     DECLARED_TYPE = "declared-type", Error, ["FMPy"];
 
     // ModelStructure.
@@ -96,7 +96,7 @@ rules! {
     INDEX = "structure-index", Error, ["FMPy"];
     UNKNOWN_ORDER = "structure-order", Warning, [];
     DEPENDENCIES = "structure-dependencies", Warning,
-        ["OMSimulator takes all inputs for causes and iterates an algebraic loop at every step"];
+        ["OMSimulator (takes all inputs for causes and iterates an algebraic loop at every step)"];
     DEPENDENCY = "structure-dependency", Error, [];
     DEPENDENCY_KIND = "structure-dependencies-kind", Error, ["FMPy"];
 
@@ -108,7 +108,7 @@ rules! {
     BINARY_FORMAT = "binary-format", Error, ["every importer on that platform"];
     FUNCTIONS = "functions", Error,
         ["importers that resolve all functions at once (FMPy#642, FMIKit#375)", "bess run"];
-    FOREIGN = "foreign-symbols", Warning, ["may clash with another FMU in one process"];
+    FOREIGN = "foreign-symbols", Warning, ["tools that load several FMUs with shared symbols into one process"];
     LIBRARY = "needed-library", Warning, ["every importer on a machine without that library"];
     GLIBC = "glibc", Note, ["OMSimulator and others on an older Linux (OMSimulator#1424)"];
 
@@ -118,7 +118,7 @@ rules! {
     RUN_CALL = "run-call", Error, ["bess run"];
     RUN_CRASH = "run-crash", Error, ["every importer that makes the same calls"];
     RUN_HANG = "run-hang", Error, ["every importer that makes the same calls"];
-    RUN_SAME_NAME = "run-same-name", Error, ["Ecos, PyFMI and CoFmuPy give all instances one name"];
+    RUN_SAME_NAME = "run-same-name", Error, ["Ecos", "PyFMI", "CoFmuPy (all give their instances one name)"];
     RUN_START = "run-start", Warning, ["importers that read start values from the description"];
     RUN_NOT_FINITE = "run-not-finite", Warning, ["importers that refuse NaN, bess run among them"];
     RUN_STATE = "run-state", Error, ["masters that step back (Reference-FMUs#635)"];

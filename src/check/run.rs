@@ -29,7 +29,11 @@ impl Runner {
             report.findings.push(Finding::new(&rules::NOT_RUN, place, reason, "a short run", mend));
         };
         let broken = |rule| report.findings.iter().any(|finding| std::ptr::eq(finding.rule, rule));
-        if broken(&rules::ARCHIVE) || broken(&rules::NO_DESCRIPTION) || broken(&rules::MALFORMED) {
+        if broken(&rules::ARCHIVE)
+            || broken(&rules::NO_DESCRIPTION)
+            || broken(&rules::MALFORMED)
+            || broken(&rules::VERSION)
+        {
             return skip("nothing to run", report);
         }
         if !report.facts.iter().any(|(name, value)| name == "model" && value.contains("co-simulation")) {
@@ -81,7 +85,12 @@ impl Runner {
                 Ok(line) => {
                     match line.strip_prefix(MARK).map(|rest| rest.split_once(' ').unwrap_or((rest, ""))) {
                         Some(("stage", name)) => name.clone_into(&mut stage),
-                        Some(("finding", json)) => report.findings.extend(finding(json)),
+                        // Both runs of the probe may meet the same thing.
+                        Some(("finding", json)) => {
+                            report
+                                .findings
+                                .extend(finding(json).filter(|one| !report.findings.contains(one)));
+                        }
                         Some(("done", _)) => done = true,
                         _ => {}
                     }

@@ -117,19 +117,18 @@ fn write_finding(text: &mut String, finding: &Finding, colour: bool) {
         (true, Severity::Note) => ("\u{1b}[1;36m", "\u{1b}[0m"),
     };
     let refused = match finding.rule.refused_by {
-        [] => "no tool that we know of".to_owned(),
+        [] => "none known to mind".to_owned(),
         tools => tools.join("; "),
     };
     let _ = write!(
         text,
-        "\n{on}{}{off} [{}] {}\n  found     {}\n  expected  {}\n  mend      {}\n  {} {refused}\n",
+        "\n{on}{}{off} [{}] {}\n  found     {}\n  expected  {}\n  mend      {}\n  tools     {refused}\n",
         severity.name(),
         finding.rule.id,
         printable(&finding.place.to_string()),
         printable(&finding.found),
         printable(&finding.expected),
         finding.mend,
-        if severity == Severity::Error { "refused by" } else { "matters to" },
     );
 }
 

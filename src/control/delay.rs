@@ -242,7 +242,7 @@ impl History {
         late: S,
     ) -> S {
         let before = self.stored(bracket.before, quantity, i, present);
-        if bracket.per_s == 0.0 && bracket.fraction == 0.0 || bracket.fraction == 0.0 && !S::CARRIES_TANGENT {
+        if bracket.fraction == 0.0 && (bracket.per_s == 0.0 || !S::CARRIES_TANGENT) {
             return before;
         }
         let after = self.stored(bracket.after, quantity, i, present);

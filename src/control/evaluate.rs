@@ -10,6 +10,7 @@ use super::exchange::{HeldLink, setpoints};
 use super::lag::{Lag, no_load};
 use super::network::Lateness;
 use super::protocol::{View, active_power, average_voltage, energy, frequency, reactive_power, voltage};
+use super::scalar::Scalar;
 use super::time::seconds;
 
 /// Time in which a battery's power follows a new P_set, s: its power filter and its angle, rather more than
@@ -17,6 +18,12 @@ use super::time::seconds;
 const FOLLOWING_S: f64 = 0.25;
 /// Time constant of the share of the load, in steps until an action shows.
 const SHARE_LOOPS: f64 = 2.0;
+/// Least boundary layer with `voltage_policy = "average"`, as a share of the longest delay. An agent that goes to
+/// where its neighbours were tau ago at once (theta = h, h far below tau) makes two halves of an even graph take
+/// turns, damped by nothing but theta; that goes on for the longer, the finer the steps, and what it stirs in
+/// P and Q the average voltage has to follow. Where the layer grows with the delay, the run does not depend on the
+/// step. From 1/30 the turns linger, beyond 1/10 the sharing itself is slow; in between it hardly matters.
+const DELAY_LAYER: f64 = 1.0 / 20.0;
 
 impl Controller {
     /// Evaluates everything at `now_ns` for a step of `h_ns`.
@@ -142,8 +149,17 @@ impl Controller {
     /// A flow law of one quantity for a step of `h_s`, its measurements late by `lag`.
     pub(super) fn flow(&self, gain: f64, lag: &Lag, h_s: f64) -> Flow {
         let parameters = &self.state.parameters;
-        let theta_s = boundary_layer(parameters.discretisation, lag.widening() * h_s, parameters.theta_min);
+        let least_s = self.least_layer(parameters.theta_min, seconds(self.network.longest_delay_ns()));
+        let theta_s = boundary_layer(parameters.discretisation, lag.widening() * h_s, least_s);
         Flow::new(self.power(), gain, theta_s)
+    }
+
+    /// The least boundary layer, s.
+    pub(super) fn least_layer<S: Scalar>(&self, theta_min_s: S, longest_delay_s: S) -> S {
+        match self.state.parameters.voltage_policy {
+            VoltagePolicy::Average => theta_min_s.max(S::constant(DELAY_LAYER) * longest_delay_s),
+            VoltagePolicy::Paper => theta_min_s,
+        }
     }
 
     fn power(&self) -> SignPower {

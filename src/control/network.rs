@@ -35,6 +35,8 @@ pub struct Network {
     pub round_shares: Vec<f64>,
     /// tau of each edge, ns.
     pub delays_ns: Vec<i64>,
+    longest_delay_ns: i64,
+    longest_follows_common: bool,
     /// For each edge, when what `a` knows of `b`, and `b` of `a`, was true. Empty while all is present.
     known: Vec<[Bracket; 2]>,
     /// The same at both ends: the older of the two.
@@ -74,7 +76,17 @@ impl Network {
         let round_shares = graph.edges().iter().map(|e| 1.0 / (0.5 + peers(e))).collect();
         let (shares, pins) = (shares.collect(), pins.collect());
         let delays_ns = vec![0; graph.edges().len()];
-        Self { graph, pins, shares, round_shares, delays_ns, known: Vec::new(), agreed: Vec::new() }
+        Self {
+            graph,
+            pins,
+            shares,
+            round_shares,
+            delays_ns,
+            longest_delay_ns: 0,
+            longest_follows_common: false,
+            known: Vec::new(),
+            agreed: Vec::new(),
+        }
     }
 
     /// Sets the delay of the edges that have none of their own, and makes room for what they need.
@@ -82,6 +94,10 @@ impl Network {
         for (delay, edge) in self.delays_ns.iter_mut().zip(self.graph.edges()) {
             *delay = edge.delay_ns.unwrap_or(common_ns);
         }
+        let delays = self.delays_ns.iter().zip(self.graph.edges());
+        let longest = delays.max_by_key(|(delay, _)| **delay);
+        self.longest_delay_ns = longest.map_or(0, |(&delay, _)| delay);
+        self.longest_follows_common = longest.is_some_and(|(_, edge)| edge.delay_ns.is_none());
         for pin in &mut self.pins {
             let own = self.delays_ns.iter().zip(self.graph.edges());
             let own = own.filter(|(_, edge)| edge.a as usize == pin.agent || edge.b as usize == pin.agent);
@@ -96,7 +112,12 @@ impl Network {
 
     /// The longest delay, ns.
     pub fn longest_delay_ns(&self) -> i64 {
-        self.delays_ns.iter().copied().max().unwrap_or(0)
+        self.longest_delay_ns
+    }
+
+    /// Whether that is an edge without a delay of its own.
+    pub fn longest_follows_common(&self) -> bool {
+        self.longest_follows_common
     }
 
     /// Finds out what the agents know of each other at `now_ns`, sample number `sample`. With a lossy

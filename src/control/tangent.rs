@@ -90,6 +90,9 @@ impl Controller {
             let power = SignPower::new(self.fixed.law, Dual::new(self.state.parameters.eta, d.eta));
             let discretisation = self.state.parameters.discretisation;
             let theta_min = Dual::new(self.state.parameters.theta_min, d.theta_min);
+            let of_delay = if self.network.longest_follows_common() { d.delay } else { 0.0 };
+            let longest_delay = Dual::new(seconds(self.network.longest_delay_ns()), of_delay);
+            let theta_min = self.least_layer(theta_min, longest_delay);
             let tuned = Tuned { power, discretisation, theta_min };
             let past = Dual::new(0.0, if direction == Direction::Time { -1.0 } else { 0.0 });
             let late = Lateness { past, delay: Dual::new(0.0, d.delay) };
@@ -184,13 +187,9 @@ impl Controller {
             if constant_s <= 0.0 {
                 continue;
             }
-            let left = (-elapsed_s / constant_s).exp();
-            let rate = if direction == Direction::Time { left / constant_s } else { 0.0 };
-            let share = Dual::new(1.0 - left, rate);
             for i in 0..n {
-                let last = Dual::constant(self.state.filtered[k * n + i]);
                 let signal = &mut signals.of_mut(quantity)[i];
-                *signal = last + share * (*signal - last);
+                *signal = filtered(direction, *signal, self.state.filtered[k * n + i], elapsed_s, constant_s);
             }
         }
     }
@@ -199,19 +198,14 @@ impl Controller {
     fn share_rates(&self, direction: Direction, tangents: &mut Tangents) {
         let (state, clock) = (&self.state, self.state.clock);
         let elapsed_s = seconds((clock.now_ns - clock.sampled_ns).max(0));
-        let [followed, shared] = self.share_times_s().map(|T_s| {
-            if clock.samples == 0 || T_s == 0.0 {
-                return Dual::constant(1.0);
-            }
-            let left = (-elapsed_s / T_s).exp();
-            Dual::new(1.0 - left, if direction == Direction::Time { left / T_s } else { 0.0 })
-        });
-        let P_set = &state.outputs.P_set;
+        let follows = |x: Dual, last: f64, T_s: f64| {
+            if clock.samples > 0 && T_s > 0.0 { filtered(direction, x, last, elapsed_s, T_s) } else { x }
+        };
+        let [followed_s, shared_s] = self.share_times_s();
         for (i, (&last, &was)) in state.shares.iter().zip(&state.followed).enumerate() {
-            let (last, was) = (Dual::constant(last), Dual::constant(was));
             let P = Dual::new(state.inputs.P[i], tangents.inputs.P[i]);
-            let share = P - (was + followed * (Dual::constant(P_set[i]) - was));
-            tangents.signals.of_mut(Quantity::Share)[i] = last + shared * (share - last);
+            let P_set = follows(Dual::constant(state.outputs.P_set[i]), was, followed_s);
+            tangents.signals.of_mut(Quantity::Share)[i] = follows(P - P_set, last, shared_s);
         }
     }
 
@@ -273,5 +267,16 @@ impl Controller {
         for (u, _) in u_E.iter_mut().zip(live).filter(|(_, live)| !**live) {
             *u = Dual::default();
         }
+    }
+}
+
+/// What a first-order lag that stood at `last` makes of a measurement `x` after `elapsed_s`. It follows a change of
+/// the measurement by its share; in time it moves by its own equation, (x - y) / T.
+fn filtered(direction: Direction, x: Dual, last: f64, elapsed_s: f64, constant_s: f64) -> Dual {
+    let left = (-elapsed_s / constant_s).exp();
+    let y = last + (1.0 - left) * (x.value - last);
+    match direction {
+        Direction::Knowns => Dual::new(y, (1.0 - left) * x.tangent),
+        Direction::Time => Dual::new(y, (x.value - y) / constant_s),
     }
 }

@@ -46,6 +46,7 @@ pub mod sparse;
 pub mod state;
 pub mod steady_state;
 pub mod tangent;
+mod trigonometry;
 pub mod workspace;
 
 pub use agents::{Agents, Controls};

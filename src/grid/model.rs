@@ -34,6 +34,8 @@ pub struct GridModel {
     y: Vec<f64>,
     pub(super) ramp: Option<Box<super::ramp::Memory>>,
     pub(super) effort: Effort,
+    /// Whether the inputs were checked and the network follows them since they were last touched.
+    pub(super) in_line: bool,
     pub(super) readout: RefCell<Readout>,
 }
 
@@ -74,6 +76,7 @@ impl GridModel {
             load_model: config.load_model,
             omega_b: TAU * config.f_nominal_hz,
             effort: Effort::default(),
+            in_line: false,
             readout: RefCell::new(readout),
             plant,
             state,
@@ -104,6 +107,7 @@ impl GridModel {
 
     /// Inputs to set; outputs follow at the next refresh or step.
     pub fn inputs_mut(&mut self) -> &mut Inputs {
+        self.in_line = false;
         &mut self.state.inputs
     }
 
@@ -114,6 +118,7 @@ impl GridModel {
 
     /// Parameters to set before [`GridModel::initialise`], which the steady state depends on.
     pub fn parameters_mut(&mut self) -> &mut Parameters {
+        self.in_line = false;
         &mut self.state.parameters
     }
 
@@ -141,19 +146,21 @@ impl GridModel {
         let now = conditions(&self.state);
         let mut network = self.network.clone();
         network.update(&now)?;
-        let mut found = steady_state(&network, inputs, parameters)?;
         if self.load_model.is_linear() {
-            return Ok(found);
+            return steady_state(&network, inputs, parameters);
         }
         // Loads that are not impedances: solve with the admittances that they have at the voltages found,
-        // until these no longer move.
+        // from those of the power flow on, until these no longer move.
         let mut workspace = network.workspace();
         let mut extra = vec![c64::ZERO; self.n_bus()];
+        for load in &self.plant.nonlinear {
+            extra[load.bus] = self.plant.not_held(load, load.v0);
+        }
+        network.rebuild(&now, Some(&extra))?;
+        let mut found = steady_state(&network, inputs, parameters)?;
         let mut change = f64::INFINITY;
         for _ in 0..500 {
-            for i in 0..self.n() {
-                workspace.set_source(i, found.V[i], found.delta[i]);
-            }
+            workspace.set_sources(found.V.iter().copied(), &found.delta);
             network.linear_voltages(&mut workspace);
             change = 0.0;
             for load in &self.plant.nonlinear {
@@ -174,8 +181,7 @@ impl GridModel {
     /// Brings everything that can be read in line with the inputs: V and omega follow their setpoints at
     /// once, bus voltages and tie flow the loads and the breaker too; P, Q, E are states.
     pub fn refresh(&mut self) -> Result<(), GridError> {
-        self.check_inputs()?;
-        self.network.update(&conditions(&self.state))?;
+        self.bring_in_line()?;
         self.readout.get_mut().valid = false;
         // Voltages of impedance loads always exist; others are looked for while an error can be told.
         if self.load_model.is_linear() { Ok(()) } else { self.read(&mut self.readout.borrow_mut()) }
@@ -224,8 +230,7 @@ impl GridModel {
         if duration_ns < 0 {
             return Err(GridError::Misuse { what: "step", why: "the duration is negative" });
         }
-        self.check_inputs()?;
-        self.network.update(&conditions(&self.state))
+        self.bring_in_line()
     }
 
     /// The present state.
@@ -236,6 +241,7 @@ impl GridModel {
     /// Takes over a state of this model; nothing changes when it does not fit.
     pub fn set_state(&mut self, state: &State) -> Result<(), GridError> {
         state.validate(self.n(), self.n_bus(), self.plant.tie.is_some())?;
+        self.in_line = false;
         self.network.update(&conditions(state))?;
         self.state.clone_from(state);
         self.readout.get_mut().valid = false;
@@ -301,11 +307,26 @@ impl GridModel {
         self.network.is_dense()
     }
 
+    fn bring_in_line(&mut self) -> Result<(), GridError> {
+        if !self.in_line {
+            self.check_inputs()?;
+            self.network.update(&conditions(&self.state))?;
+            self.in_line = true;
+        }
+        Ok(())
+    }
+
     fn check_inputs(&self) -> Result<(), GridError> {
         self.state.inputs.validate(self.n(), self.n_bus(), self.plant.tie.is_some())
     }
 
+    #[inline]
     fn up_to_date<T>(&self, get: impl FnOnce(&Readout) -> T) -> T {
+        let readout = self.readout.borrow();
+        if readout.valid {
+            return get(&readout);
+        }
+        drop(readout);
         let mut readout = self.readout.borrow_mut();
         // After a refresh or a step that succeeded this cannot fail; the values before stay otherwise.
         let _ = self.read(&mut readout);
@@ -318,13 +339,12 @@ impl GridModel {
         }
         let ws = &mut readout.workspace;
         ws.restart();
-        for i in 0..self.n() {
-            ws.set_source(i, self.V(i), self.state.delta[i]);
-        }
+        ws.set_sources((0..self.n()).map(|i| self.V(i)), &self.state.delta);
         self.network.voltages(ws)?;
-        for (b, v) in ws.v.iter().enumerate() {
-            readout.vm[b] = v.norm();
-            readout.va[b] = v.im.atan2(v.re);
+        for ((v, vm), va) in ws.v.iter().zip(&mut readout.vm).zip(&mut readout.va) {
+            // Voltages are near 1 pu: no need of hypot's care for the extremes.
+            *vm = v.norm_sqr().sqrt();
+            *va = v.im.atan2(v.re);
         }
         readout.tie = self.network.tie_power(&ws.v);
         readout.valid = true;

@@ -108,7 +108,7 @@ impl GridModel {
             part.copy_from_slice(values);
         }
         memory.y[4 * n] = 0.0;
-        memory.now.clone_from(&state.inputs);
+        memory.now.tie_closed = state.inputs.tie_closed;
         self.workspace.restart();
         let mut grid = Ramped {
             network: &mut self.network,
@@ -126,6 +126,7 @@ impl GridModel {
         self.readout.get_mut().valid = false;
         // Back from some moment within the step, whatever came of it.
         let back = self.network.update(&conditions(state));
+        self.in_line = back.is_ok();
         self.effort = outcome.map_err(|failure| failure.of_step(start_ns))?;
         back?;
         for (part, values) in

@@ -19,6 +19,9 @@ pub struct Reduction {
     i_tie: Vec<(f64, f64)>,
     /// n_bus x (n + 1): bus voltages from the sources, the main grid last.
     transfer: Vec<c64>,
+    /// The same, real and imaginary parts apart.
+    transfer_re: Vec<f64>,
+    transfer_im: Vec<f64>,
     /// n_bus x n_load: bus voltages from currents at the loads that are not impedances.
     z_load: Vec<c64>,
     /// n_load x n_load: the rows of `z_load` at those loads, real and imaginary parts.
@@ -40,6 +43,8 @@ impl Reduction {
             b: vec![0.0; n * n],
             i_tie: vec![(0.0, 0.0); n],
             transfer: vec![c64::ZERO; n_bus * (n + 1)],
+            transfer_re: vec![0.0; n_bus * (n + 1)],
+            transfer_im: vec![0.0; n_bus * (n + 1)],
             z_load: vec![c64::ZERO; n_bus * n_load],
             r_load: vec![0.0; n_load * n_load],
             x_load: vec![0.0; n_load * n_load],
@@ -60,6 +65,9 @@ impl Reduction {
             self.transfer[n * n_bus + bus] = tie;
         }
         lu.solve(&mut self.transfer, &mut self.scratch);
+        for ((w, re), im) in self.transfer.iter().zip(&mut self.transfer_re).zip(&mut self.transfer_im) {
+            (*re, *im) = (w.re, w.im);
+        }
         for s in 0..n {
             for i in 0..n {
                 let own = if i == s { source[i] } else { c64::ZERO };
@@ -139,12 +147,19 @@ impl Reduction {
 
     /// The same without the currents of loads that are not impedances.
     pub fn linear_voltages(&self, ws: &mut Workspace) {
-        ws.v.copy_from_slice(&self.transfer[self.n * self.n_bus..]);
-        for (s, column) in self.transfer.chunks_exact(self.n_bus).take(self.n).enumerate() {
-            let e = c64::new(ws.e_re[s], ws.e_im[s]);
-            for (v, w) in ws.v.iter_mut().zip(column) {
-                *v += w * e;
+        let n_bus = self.n_bus;
+        let (v_re, v_im) = (&mut ws.bus_re[..n_bus], &mut ws.bus_im[..n_bus]);
+        v_re.copy_from_slice(&self.transfer_re[self.n * n_bus..]);
+        v_im.copy_from_slice(&self.transfer_im[self.n * n_bus..]);
+        let columns = self.transfer_re.chunks_exact(n_bus).zip(self.transfer_im.chunks_exact(n_bus));
+        for ((w_re, w_im), (&re, &im)) in columns.zip(ws.e_re.iter().zip(&ws.e_im)) {
+            for b in 0..n_bus {
+                v_re[b] += w_re[b] * re - w_im[b] * im;
+                v_im[b] += w_re[b] * im + w_im[b] * re;
             }
+        }
+        for ((v, &re), &im) in ws.v.iter_mut().zip(&*v_re).zip(&*v_im) {
+            *v = c64::new(re, im);
         }
     }
 

@@ -110,8 +110,8 @@ impl GridModel {
         self.refresh()?;
         let ws = &mut d.workspace;
         ws.restart();
+        ws.set_sources((0..self.n()).map(|i| self.V(i)), &self.state.delta);
         for i in 0..self.n() {
-            ws.set_source(i, self.V(i), self.state.delta[i]);
             d.e[i] = c64::new(ws.e_re[i], ws.e_im[i]);
         }
         self.network.voltages(ws)?;
@@ -175,7 +175,8 @@ impl GridModel {
         let k = &self.state.parameters;
         let loads = d.inputs.clone();
         let mut none = loads.clone();
-        (none.dP_load.fill(0.0), none.dQ_load.fill(0.0));
+        none.dP_load.fill(0.0);
+        none.dQ_load.fill(0.0);
         let mut jacobian = Mat::<f64>::zeros(2 * n, 2 * n);
         for column in 0..2 * n {
             if islanded && column == 0 {

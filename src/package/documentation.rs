@@ -115,12 +115,15 @@ fn element(group: &str, index: &str, interface: Interface) -> String {
     }
 }
 
+/// A part of the table: its heading, and which groups belong to it.
+type Kind<M> = (&'static str, fn(&Group<M>) -> bool);
+
 fn table<M: Model>(html: &mut String, registry: &Registry<M>, model: &M, interface: Interface) {
     html.push_str(
         "<div class=\"table\"><table id=\"variable-table\">\n<thead><tr><th>name</th><th>type</th><th>unit</th>\
          <th>start</th><th>accepted</th><th>meaning</th></tr></thead>\n<tbody>\n",
     );
-    let kinds: [(&str, fn(&Group<M>) -> bool); 4] = [
+    let kinds: [Kind<M>; 4] = [
         ("Inputs", |g| g.causality == Causality::Input),
         ("Outputs", |g| g.causality == Causality::Output),
         ("Parameters, tunable: may be set between steps", |g| {

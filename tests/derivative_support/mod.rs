@@ -22,7 +22,7 @@ pub fn controller(name: &str, set: &[(&str, &str)], interface: Interface) -> Ins
 
 pub fn grid(name: &str, set: &[(&str, &str)], interface: Interface) -> Instance<Grid> {
     let resolved = Resolved::load(name, &keys(set)).unwrap();
-    let model = Grid::new(Grid::resource(&resolved)).unwrap();
+    let model = Grid::new(Grid::resource(&resolved).unwrap()).unwrap();
     Instance::from_model("grid", model, interface, Logger::silent()).unwrap()
 }
 

@@ -3,6 +3,7 @@
 import json
 import re
 import subprocess
+import sys
 import zipfile
 
 import pytest
@@ -74,9 +75,12 @@ def put(name, data):
     return mutate
 
 
-def drop(name):
+def drop(start):
     def mutate(entries):
-        del entries[name]
+        names = [name for name in entries if name.startswith(start)]
+        assert names, start
+        for name in names:
+            del entries[name]
 
     return mutate
 
@@ -175,7 +179,7 @@ MUTATIONS = {
     "a path out of the archive": (put("../evil.txt", b"x"), "archive", None),
     "a stray file": (put("README.txt", b"x"), "archive-stray", False),
     "no documentation": (drop("documentation/index.html"), "documentation", False),
-    "no library": (drop(LIBRARY), "no-binary", None),
+    "no library": (drop("binaries/"), "no-binary", None),
     "a library of another name": (rename(LIBRARY, "binaries/linux64/Consensus.so"), "binary-name", None),
     "a library that is none": (put(LIBRARY, b"MZ nothing of the kind"), "binary-format", None),
     "a library of another platform": (lambda e: put("binaries/win64/BessConsensus.dll", e[LIBRARY])(e), "binary-format", None),
@@ -270,3 +274,37 @@ def test_no_run_executes_nothing(bess, archives, tmp_path):
     assert code == 1
     (finding,) = [finding for finding in report["findings"] if finding["severity"] == "error"]
     assert finding["rule"] == "run-call" and "fmi2Instantiate" in finding["found"]
+
+
+SLAVE = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+
+class Demo(Fmi2Slave):
+    def __init__(self, **given):
+        super().__init__(**given)
+        self.u = self.y = 0.0
+        self.register_variable(Real("u", causality=Fmi2Causality.input))
+        self.register_variable(Real("y", causality=Fmi2Causality.output))
+
+    def do_step(self, time, step):
+        self.y += step * self.u
+        return True
+"""
+
+
+def test_an_fmu_of_pythonfmu_shows_what_is_known_of_that_tool(bess, tmp_path):
+    """It needs Python, lists no InitialUnknowns, exports C++ by the hundred; FMPy minds the second."""
+    (tmp_path / "demo.py").write_text(SLAVE)
+    builder = [sys.executable, "-m", "pythonfmu", "build", "-f", "demo.py"]
+    subprocess.run(builder, cwd=tmp_path, check=True, capture_output=True)
+    code, report = check(bess, tmp_path / "Demo.fmu", "--no-run")
+    found = {finding["rule"] for finding in report["findings"]}
+    expected = {"structure-initial-unknowns", "execution-tool", "structure-dependencies", "foreign-symbols", "needed-library"}
+    assert code == 1 and expected <= found
+    platforms = {f["file"] for f in report["findings"] if f["rule"] == "foreign-symbols"}
+    assert {"binaries/linux64/Demo.so", "binaries/win64/Demo.dll"} <= platforms
+    (problem,) = validate_fmu(str(tmp_path / "Demo.fmu"))
+    assert "InitialUnknowns" in problem
+    # All that FMPy minds, and nothing that it lets pass, is an error here.
+    assert {f["rule"] for f in report["findings"] if f["severity"] == "error"} == {"structure-initial-unknowns"}

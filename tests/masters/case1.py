@@ -59,7 +59,7 @@ def fmus():
 
 
 def variables(fmu):
-    """The variables of an FMU, {name: (value reference, type, causality, start)}, for masters that know only numbers."""
+    """The variables of an FMU: {name: (value reference, type, causality, start)}."""
     root = ElementTree.fromstring(zipfile.ZipFile(fmu).read("modelDescription.xml"))
     return {
         v.get("name"): (int(v.get("valueReference")), v[0].tag, v.get("causality"), v[0].get("start"))
@@ -76,7 +76,7 @@ class Journal:
         self.begin = time.perf_counter()
 
     def add(self, controller, grid):
-        """The values of OBSERVED["controller"] and OBSERVED["grid"] right after a step; None for what cannot be seen."""
+        """The values of OBSERVED["controller"] and OBSERVED["grid"] after a step; None for what cannot be seen."""
         self.rows["controller"].append(controller)
         self.rows["grid"].append(grid)
 

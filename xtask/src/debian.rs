@@ -35,6 +35,10 @@ pub enum Need {
     Wine,
     /// What runs programs for 64-bit Arm Linux, and their C library.
     QemuAarch64,
+    /// GNU Octave, which runs MATPOWER.
+    Octave,
+    /// Counts instructions.
+    Valgrind,
 }
 
 impl Need {
@@ -53,6 +57,8 @@ impl Need {
             }
             Need::Wine => Path::new(DEBIANS_WINE).is_file() || on_path("wine64").is_some(),
             Need::QemuAarch64 => on_path("qemu-aarch64").is_some() && Path::new(ARM_LOADER).is_file(),
+            Need::Octave => on_path("octave-cli").is_some(),
+            Need::Valgrind => on_path("valgrind").is_some(),
         }
     }
 
@@ -68,6 +74,8 @@ impl Need {
             Need::Mingw => &["gcc-mingw-w64-x86-64-posix"],
             Need::Wine => &["wine64"],
             Need::QemuAarch64 => &["qemu-user", "libc6-arm64-cross"],
+            Need::Octave => &["octave"],
+            Need::Valgrind => &["valgrind"],
         }
     }
 
@@ -92,6 +100,8 @@ impl Need {
             Need::QemuAarch64 => {
                 format!("qemu-aarch64 or its C library is missing: {}", install_line(self.packages()))
             }
+            Need::Octave => format!("octave is missing: {}", install_line(self.packages())),
+            Need::Valgrind => format!("valgrind is missing: {}", install_line(self.packages())),
         }
     }
 }

@@ -29,7 +29,7 @@ pub(super) struct Ordered {
 
 impl OrderedNetwork {
     /// From the matrix and the unknowns, both in the order of the bus table.
-    pub fn new(matrix: &SparseMatrix, unknown: &[Unknown]) -> Ordered {
+    pub fn ordered(matrix: &SparseMatrix, unknown: &[Unknown]) -> Ordered {
         let n = unknown.len();
         let (starts, rows) = (matrix.symbolic().col_ptr(), matrix.symbolic().row_idx());
         let mut entries: Vec<(u32, u32, c64)> = Vec::with_capacity(rows.len());

@@ -67,7 +67,7 @@ impl PowerFlowSolver {
         check_connected(case)?;
         let specified = Specified::of(case, start);
         let Ordered { network, ordering, pattern } =
-            OrderedNetwork::new(&bus_admittance(case)?, &specified.unknown);
+            OrderedNetwork::ordered(&bus_admittance(case)?, &specified.unknown);
         let n = case.bus.len();
         let ordered = |values: &[f64]| ordering.order.iter().map(|&k| values[k as usize]).collect::<Vec<_>>();
         let (vm, va) = (ordered(&specified.vm), ordered(&specified.va));

@@ -57,9 +57,7 @@ pub fn steady_state(
     let mut residual = vec![[0.0; 2]; n];
     let mut correction = f64::INFINITY;
     for _ in 0..MAX_ITERATIONS {
-        for i in 0..n {
-            workspace.set_source(i, now.V[i], now.delta[i]);
-        }
+        workspace.set_sources(now.V.iter().copied(), &now.delta);
         network.linear_voltages(&mut workspace);
         let E: Vec<c64> = (0..n).map(|i| c64::new(workspace.e_re[i], workspace.e_im[i])).collect();
         let S = network.source_powers(&E, &workspace.v);
