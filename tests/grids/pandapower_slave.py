@@ -74,7 +74,7 @@ class Case57(Fmi2Slave):
         """The case with each generator replaced by a voltage source that delivers the same."""
         net = self.net = pandapower.networks.case57()
         number = {int(net.bus.name[index]): index for index in net.bus.index}
-        pandapower.runpp(net)
+        pandapower.runpp(net, numba=False)
         delivered = {}
         for table, results in ((net.gen, net.res_gen), (net.ext_grid, net.res_ext_grid)):
             for index in table.index:

@@ -92,7 +92,7 @@ def test_without_python_the_host_is_told_what_to_do(bess, pandapower_fmu, tmp_pa
     done = subprocess.run([bess, "run", "scenario.json"], cwd=tmp_path, env=bare, capture_output=True, text=True)
     assert done.returncode == 2
     said = " ".join(word for word in done.stderr.split() if word != "│")
-    assert "undefined symbol: Py" in said and "LD_PRELOAD" in said, said
+    assert "undefined symbol: _Py" in said and "LD_PRELOAD" in said, said
 
 
 def test_frequency_and_sharing_settle_in_fmpy(in_fmpy):
