@@ -18,8 +18,8 @@ use control_support::*;
 /// The longest delay, s.
 const LATEST: f64 = 2.0;
 
-/// How the delays of a graph are drawn: none, one for all, one for each edge, some edges without any.
-fn delays(random: &mut Random, edges: &mut [ExplicitEdge]) {
+/// How the delays of a graph are drawn: none, one for all (then true), one for each edge, some edges without any.
+fn delays(random: &mut Random, edges: &mut [ExplicitEdge]) -> bool {
     let kind = random.integer(0, 3);
     let common = random.within(0.0, LATEST);
     for e in edges {
@@ -32,6 +32,7 @@ fn delays(random: &mut Random, edges: &mut [ExplicitEdge]) {
             _ => own,
         });
     }
+    kind < 2
 }
 
 /// A step of 10 ms to 1 s, ns.
@@ -98,8 +99,8 @@ impl Estimator {
 }
 
 /// Rounds of the slowest link, each of the longest delay and a step, until the estimates of `V` are all within
-/// 1e-6 of the first spread of their mean; the sum is looked at in every step, the last 2 s have to hold.
-fn rounds_to_the_mean(estimator: &mut Estimator, V: &[f64], limit: f64) -> f64 {
+/// `left` of the first spread of their mean, and stay there for two rounds. The sum is looked at in every step.
+fn rounds_to_the_mean(estimator: &mut Estimator, V: &[f64], left: f64, limit: f64) -> f64 {
     let n = V.len() as f64;
     let mean = V.iter().sum::<f64>() / n;
     let round_ns = estimator.network.longest_delay_ns() + estimator.h_ns;
@@ -109,9 +110,8 @@ fn rounds_to_the_mean(estimator: &mut Estimator, V: &[f64], limit: f64) -> f64 {
         let vbar = estimator.step(V);
         assert!((vbar.iter().sum::<f64>() / n - mean).abs() < 1e-12, "the sum is exact at every instant");
         let worst = vbar.iter().fold(0.0_f64, |w, x| w.max((x - mean).abs()));
-        // Twice the norm of the start at most, in theory; n^(1/2) between the norms.
         assert!(worst < 2.0 * n.sqrt() * start, "{worst} from {start}");
-        held_ns = if worst < 1e-6 * start { held_ns + estimator.h_ns } else { 0 };
+        held_ns = if worst < left * start { held_ns + estimator.h_ns } else { 0 };
         let rounds = (estimator.sample as f64) * (estimator.h_ns as f64) / round_ns as f64;
         if held_ns > 2 * round_ns {
             return rounds;
@@ -120,7 +120,7 @@ fn rounds_to_the_mean(estimator: &mut Estimator, V: &[f64], limit: f64) -> f64 {
     }
 }
 
-/// Slowest decay per round of the Metropolis steps, from power iteration on the weights 1 / (1 + max deg) of a
+/// Rounds in which Metropolis steps lose one e-fold, from power iteration on the weights 1 / (1 + max deg) of a
 /// graph without pins: a lower bound of the speed of any edge's share here.
 fn rounds_by_theory(n: usize, edges: &[ExplicitEdge]) -> f64 {
     let mut degree = vec![0.0; n];
@@ -146,26 +146,40 @@ fn rounds_by_theory(n: usize, edges: &[ExplicitEdge]) -> f64 {
         factor = y.iter().map(|x| x * x).sum::<f64>().sqrt();
         x = y;
     }
-    (1e-6_f64).ln() / (2.0 * factor - 1.0).ln()
+    -1.0 / (2.0 * factor - 1.0).ln()
 }
 
+/// Where all delays are equal the rounds are Metropolis steps, and their rate is known. Where they are not, links of
+/// nearly equal delay that close a cycle ring against each other: circulating transfers, of which hardly anything
+/// shows in the estimates, and which fade as slowly as the delays are alike. So the rate is asked for down to
+/// 1e-3 of the start only, and beyond that only that the rest goes, too.
 #[test]
 fn the_estimates_settle_on_1000_graphs_with_delays_up_to_2_s() {
     let mut random = Random(11);
-    let mut slowest = 0.0_f64;
+    let mut slowest = [0.0_f64; 3];
     for _ in 0..1000 {
         let n = random.integer(5, 30);
         let (mut edges, _) = random_graph(&mut random, n);
-        delays(&mut random, &mut edges);
+        let equal = delays(&mut random, &mut edges);
         let h_ns = step_ns(&mut random);
         let V: Vec<f64> = random.values(n, -1.0, 1.0).iter().map(|x| 1.0 + 1e-4 * x).collect();
         let theory = rounds_by_theory(n, &edges);
         let eta = random.within(0.1, 0.9);
         let mut estimator = Estimator::new(n, &edges, Channel::default(), eta, h_ns);
-        let rounds = rounds_to_the_mean(&mut estimator, &V, 2.0 * theory + 50.0);
-        slowest = slowest.max(rounds / theory);
+        // What the start has of the slowest mode is its norm at most, sqrt(n) of its largest; and the two rounds that
+        // it has to hold, and the two until the first messages are back.
+        let rounds_for = |left: f64| theory * (n as f64).sqrt().ln() - theory * left.ln() + 5.0;
+        if equal {
+            let rounds = rounds_to_the_mean(&mut estimator, &V, 1e-6, rounds_for(1e-6));
+            slowest[0] = slowest[0].max(rounds / rounds_for(1e-6));
+        } else {
+            let rounds = rounds_to_the_mean(&mut estimator, &V, 1e-3, rounds_for(1e-3));
+            slowest[1] = slowest[1].max(rounds / rounds_for(1e-3));
+            let rounds = rounds_to_the_mean(&mut estimator, &V, 1e-6, 1e5);
+            slowest[2] = slowest[2].max(rounds / rounds_for(1e-6));
+        }
     }
-    println!("the slowest graph took {slowest:.2} of the rounds of Metropolis steps without delay");
+    println!("longest, as a share of the rounds by theory: {slowest:.2?}");
 }
 
 #[test]
@@ -177,10 +191,9 @@ fn the_estimates_settle_with_late_and_lost_messages() {
         delays(&mut random, &mut edges);
         let channel = Channel { jitter_s: random.within(0.0, 0.5), loss: random.within(0.0, 0.3), seed };
         let V: Vec<f64> = random.values(n, -1.0, 1.0).iter().map(|x| 1.0 + 1e-4 * x).collect();
-        let theory = rounds_by_theory(n, &edges);
         let mut estimator = Estimator::new(n, &edges, channel, 0.5, 100_000_000);
-        // Rounds are counted without jitter and loss, which make them longer.
-        rounds_to_the_mean(&mut estimator, &V, 100.0 * (theory + 50.0));
+        // Nothing is known of the rate.
+        rounds_to_the_mean(&mut estimator, &V, 1e-6, 1e5);
     }
 }
 
