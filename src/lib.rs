@@ -10,8 +10,9 @@
 //! | [`fmi`] | FMI 2.0 and nothing of physics |
 //! | [`scenario`] | the user's JSON and its validation |
 //! | [`models`] | the two FMUs: control and grid behind the trait of `fmi` |
-//! | [`package`] | the `.fmu` archives |
+//! | [`package`] | the `.fmu` archives, and the `.ssp` of both |
 //! | [`harness`] | the importer side: load, couple, record |
+//! | [`check`] | what is wrong with an FMU |
 //! | [`report`] | what a person looks at |
 //! | [`cli`] | parse, call one function, print |
 
@@ -21,6 +22,8 @@ pub mod fmi;
 #[cfg(feature = "grid")]
 pub mod grid;
 
+#[cfg(feature = "host")]
+pub mod check;
 #[cfg(feature = "host")]
 pub mod cli;
 #[cfg(feature = "host")]

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Each room with the rooms that it may use.
-const ROOMS: [(&str, &[&str]); 9] = [
+const ROOMS: [(&str, &[&str]); 10] = [
     ("control", &[]),
     ("grid", &[]),
     ("fmi", &[]),
@@ -15,8 +15,9 @@ const ROOMS: [(&str, &[&str]); 9] = [
     ("models", &["control", "grid", "fmi", "scenario"]),
     ("package", &["fmi", "scenario", "models"]),
     ("harness", &["fmi", "models", "scenario", "package"]),
+    ("check", &["harness"]),
     ("report", &["harness", "scenario"]),
-    ("cli", &["control", "grid", "fmi", "scenario", "models", "package", "harness", "report"]),
+    ("cli", &["control", "grid", "fmi", "scenario", "models", "package", "harness", "check", "report"]),
 ];
 
 /// Rooms where C enters.

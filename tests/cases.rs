@@ -6,10 +6,11 @@ mod case_support;
 
 use bess_consensus::control::{Controller, Event};
 use bess_consensus::fmi::{Category, Instance, Interface, Logger};
+use bess_consensus::grid::GridModel;
 use bess_consensus::harness::{CONTROLLER, InProcess};
 use bess_consensus::models;
 use bess_consensus::scenario::Resolved;
-use case_support::{N, keys, scenario, with};
+use case_support::{N, Run, keys, scenario, with};
 use std::sync::{Arc, Mutex};
 
 const NO_EXCHANGE: (&str, &str) = ("control.gains.E", "0");
@@ -59,6 +60,64 @@ fn case2_charges_as_dispatched_and_takes_its_load_back() {
     assert!(step(before) < 1e-6, "the setpoints do not jump");
     assert!(run.omega_error(135.0, 140.0) < 1e-5 && run.spread(&p, 135.0, 140.0) < 1e-5);
     assert!(P.iter().all(|P| P[run.before(140.0)] > 0.5), "discharging again");
+}
+
+/// Case 2 up to the opening of the tie, then `last`.
+fn opening(last: &str) -> Run {
+    let before = r#"{"at_s": 20, "set": {"grid.tie_closed": true, "controller.enable": true, "controller.P_ref": -0.0005, "controller.dispatch": true}},
+        {"at_s": 50, "set": {"controller.topology": 2}},
+        {"at_s": 80, "set": {"grid.dP_load[12]": -0.5, "grid.dQ_load[12]": -0.5}}"#;
+    scenario("case2", &[("events", &format!("[{before}, {last}]")), ("stop_s", "120")])
+}
+
+/// What the droop demands of each battery when the tie opens is in the end the same for all, and what it is at
+/// first is the network's to distribute, by the distance of each battery from the tie. The controller must add
+/// to neither: the yardstick is the same opening with the setpoints frozen.
+#[test]
+fn case2_the_controller_takes_from_the_jump_that_droop_and_network_make_and_adds_nothing() {
+    let opens = r#"{"at_s": 110, "set": {"grid.tie_closed": false, "controller.dispatch": false}}"#;
+    let active = opening(opens);
+    let frozen = opening(&format!(r#"{{"at_s": 109.99, "set": {{"controller.enable": false}}}}, {opens}"#));
+    let (before, end) = (frozen.before(110.0), frozen.before(120.0));
+    let P = frozen.of_grid("P");
+    let total = |k: usize| P.iter().map(|P| P[k]).sum::<f64>();
+    let stiffness: f64 = frozen.K_P.iter().map(|K| 1.0 / K).sum();
+    let demanded = (total(end) - total(before)) / stiffness;
+    let (omega, controlled) = (frozen.of_grid("omega"), active.of_grid("omega"));
+    // Closed form: the droops in parallel, from the frequency before.
+    for (i, w) in omega.iter().enumerate() {
+        let off = w[before] - w[end] - demanded;
+        assert!(off.abs() < 1e-6, "BESS {}: {off:e} off the droop's {demanded:e}", i + 1);
+    }
+    // The synchronous state by Newton's method, from the frozen setpoints alone.
+    let grid = Resolved::load("case2", &keys(&[])).unwrap().grid.unwrap();
+    let mut grid = GridModel::new(&grid).unwrap();
+    let inputs = grid.inputs_mut();
+    for (name, setpoint) in
+        [("omega_set", &mut inputs.omega_set), ("V_set", &mut inputs.V_set), ("P_set", &mut inputs.P_set)]
+    {
+        *setpoint = frozen.of_controller(name).iter().map(|s| s[end]).collect();
+    }
+    (inputs.dP_load[11], inputs.dQ_load[11]) = (-0.5, -0.5);
+    let steady = grid.find_steady_state().unwrap().omega;
+    println!(
+        "frozen: omega ends {:.4e} below, the droop demands {demanded:.4e}, Newton finds {:.4e}",
+        1.0 - omega[0][end],
+        1.0 - steady
+    );
+    assert!((omega[0][end] - steady).abs() < 1e-9);
+    // Until the first control action shows, both are the same; after it, no battery falls further.
+    for i in 0..N {
+        let lowest = |run: &Run, w: &[Vec<f64>]| run.worst(110.0, 120.0, |k| 1.0 - w[i][k]);
+        let (alone, with) = (lowest(&frozen, &omega), lowest(&active, &controlled));
+        let first = omega[i][before + 2] - controlled[i][before + 2];
+        println!(
+            "BESS {}: falls {alone:.3e} alone, {with:.3e} with the controller; first step {first:.0e} apart",
+            i + 1
+        );
+        assert!(first.abs() < 1e-6);
+        assert!(with <= alone);
+    }
 }
 
 #[test]

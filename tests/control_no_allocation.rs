@@ -72,6 +72,7 @@ fn no_step_allocates() {
             let all = |x: f64| Some(vec![x; 12]);
             c.limits = Limits {
                 P_max: all(1.2),
+                Q_max: all(0.5),
                 S_max: all(1.3),
                 omega_set_rate: all(0.01),
                 P_set_rate: all(0.1),
@@ -79,6 +80,8 @@ fn no_step_allocates() {
                 ..Default::default()
             };
             c.lost_link_fade_s = Some(1.0);
+            c.exchange_fade_s = 0.2;
+            c.no_circulation = true;
         }),
     ];
     assert!(allocations(|| drop(std::hint::black_box(vec![1.0; 3]))) == 2, "the allocator counts");
@@ -95,6 +98,7 @@ fn no_step_allocates() {
                 let inputs = controller.inputs_mut();
                 for i in 0..n {
                     inputs.P[i] = 1.0 + random.within(-0.5, 0.5);
+                    inputs.Q[i] = random.within(0.0, 1.0);
                     inputs.E[i] = random.within(0.0, 1.0);
                 }
                 inputs.enable = k % 100 != 50;

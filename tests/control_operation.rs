@@ -26,7 +26,7 @@ type Change = fn(&mut Config);
 
 #[test]
 fn rollback_and_repetition_are_bit_identical() {
-    let changes: [Change; 5] = [
+    let changes: [Change; 6] = [
         |_| {},
         |c| c.delay_s = 0.05,
         |c| c.channel = Channel { jitter_s: 0.03, loss: 0.3, seed: 5 },
@@ -35,6 +35,12 @@ fn rollback_and_repetition_are_bit_identical() {
             c.voltage_policy = VoltagePolicy::Average;
             c.delay_s = 0.05;
             c.limits.P_set_rate = Some(vec![0.3; 7]);
+        },
+        |c| {
+            c.limits.P_max = Some(vec![0.9; 7]);
+            c.limits.Q_max = Some(vec![0.4; 7]);
+            c.no_circulation = true;
+            c.exchange_fade_s = 0.3;
         },
     ];
     for change in changes {

@@ -10,7 +10,7 @@ use bess_consensus::control::config::Law;
 use bess_consensus::control::delay::{History, Quantity, Signals};
 use bess_consensus::control::discretisation::{Flow, SignPower};
 use bess_consensus::control::graph::{Edge, Graph};
-use bess_consensus::control::network::Network;
+use bess_consensus::control::network::{Lateness, Network};
 use bess_consensus::control::protocol::{View, active_power, frequency};
 use bess_consensus::control::spectrum::smallest;
 use bess_consensus::control::{Config, Controller};
@@ -56,11 +56,12 @@ impl Rates {
     fn of(&mut self, network: &Network, pinned: bool, e: &[f64], flow: &Flow, u: &mut [f64]) {
         let quantity = if pinned { Quantity::Omega } else { Quantity::P };
         self.signals.of_mut(quantity).copy_from_slice(e);
-        let view = View { network, history: &self.history, signals: &self.signals };
+        let view =
+            View { network, history: &self.history, signals: &self.signals, late: Lateness::default() };
         if pinned {
             frequency(view, flow, &self.zeros, 0.0, u);
         } else {
-            active_power(view, flow, None, None, u);
+            active_power(view, flow, None, u);
         }
     }
 }

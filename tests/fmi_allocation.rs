@@ -64,6 +64,64 @@ fn a_step_with_its_gets_and_sets_allocates_nothing() {
     assert!(COUNT.get() > before, "the counter counts");
 }
 
+#[test]
+fn derivatives_allocate_nothing_but_their_own_room_once() {
+    let mut instance = started(7);
+    let inputs: Vec<u32> = (1..=7).collect();
+    let outputs: Vec<u32> = (8..=22).collect();
+    let mut rates = [0.0; 15];
+    let mut all = |instance: &mut Instance<Mock>, k: i32| {
+        instance.set_real_input_derivatives(&inputs, &[1; 7], &[0.1; 7]).unwrap();
+        instance.get_directional_derivative(&outputs, &inputs, &[1.0; 7], &mut rates).unwrap();
+        instance.get_real_output_derivatives(&outputs, &[1; 15], &mut rates).unwrap();
+        instance.do_step(f64::from(k) * 0.01, 0.01).unwrap();
+    };
+    all(&mut instance, 0);
+    let before = COUNT.get();
+    (1..100).for_each(|k| all(&mut instance, k));
+    // The mock keeps its states of before each ramp: one array a step.
+    assert_eq!(COUNT.get() - before, 99);
+}
+
+#[cfg(feature = "host")]
+#[test]
+fn derivatives_of_both_models_allocate_nothing() {
+    use bess_consensus::fmi::{Causality, Model, Variability};
+    use bess_consensus::models::{Controller, Grid};
+    use bess_consensus::scenario::Resolved;
+    fn count<M: Model>(model: M) -> usize {
+        let mut instance =
+            Instance::from_model("real", model, Interface::Structured, Logger::silent()).unwrap();
+        instance.enter_initialization_mode().unwrap();
+        if let Some(enable) = instance.registry().reference("enable") {
+            instance.set_boolean(&[enable], &[true]).unwrap();
+        }
+        instance.exit_initialization_mode().unwrap();
+        let of = |causality| {
+            let groups = instance.registry().groups();
+            let groups =
+                groups.filter(|(_, g)| (g.causality, g.variability) == (causality, Variability::Continuous));
+            groups.flat_map(|(first, g)| first..first + g.len() as u32).collect::<Vec<u32>>()
+        };
+        let (inputs, outputs) = (of(Causality::Input), of(Causality::Output));
+        let (orders, seeds) = (vec![1; inputs.len() + outputs.len()], vec![1e-3; inputs.len()]);
+        let mut rates = vec![0.0; outputs.len()];
+        let mut all = |k: i32| {
+            instance.set_real_input_derivatives(&inputs, &orders[..inputs.len()], &seeds).unwrap();
+            instance.get_directional_derivative(&outputs, &inputs, &seeds, &mut rates).unwrap();
+            instance.get_real_output_derivatives(&outputs, &orders[..outputs.len()], &mut rates).unwrap();
+            instance.do_step(f64::from(k) * 0.01, 0.01).unwrap();
+        };
+        all(0);
+        let before = COUNT.get();
+        (1..20).for_each(all);
+        COUNT.get() - before
+    }
+    let resolved = Resolved::load("case4", &serde_json::Map::new()).unwrap();
+    assert_eq!(count(Controller::new(Controller::resource(&resolved)).unwrap()), 0);
+    assert_eq!(count(Grid::new(Grid::resource(&resolved).unwrap()).unwrap()), 0);
+}
+
 /// Times, to be read by a person: `cargo test --release --test fmi_allocation -- --ignored --nocapture`.
 #[test]
 #[ignore = "prints times, asserts nothing"]

@@ -407,7 +407,7 @@ fn states_are_deep_copies_that_travel_between_instances() {
 }
 
 #[test]
-fn status_and_derivative_functions_say_what_is_not_there() {
+fn status_functions_say_what_is_not_there() {
     let fmu = Fmu::started();
     let (mut real, mut boolean, mut status, mut integer, mut string) = (f64::NAN, 7, 7, 7, null());
     unsafe {
@@ -426,30 +426,47 @@ fn status_and_derivative_functions_say_what_is_not_there() {
         assert!(fmu.lines().iter().all(|l| (l.status, l.category.as_str()) == (DISCARD, "logStatusDiscard")));
         assert_eq!(fmi2CancelStep(fmu.c), ERROR);
         assert!(fmu.line().text.contains("no step is in progress"));
-        let (vr, one) = (1, 1.0);
-        assert_eq!(
-            fmi2SetRealInputDerivatives(fmu.c, &raw const vr, 1, &raw const integer, &raw const one),
-            ERROR
-        );
-        assert!(fmu.line().text.contains("canInterpolateInputs is false"));
-        assert_eq!(
-            fmi2GetRealOutputDerivatives(fmu.c, &raw const vr, 1, &raw const integer, &raw mut real),
-            ERROR
-        );
-        assert!(fmu.line().text.contains("maxOutputDerivativeOrder is 0"));
+    }
+}
+
+#[test]
+fn derivatives_cross_the_border() {
+    let fmu = Fmu::started();
+    let (u, x, y, total) =
+        (reference(2, "u[1]"), reference(2, "x[1]"), reference(2, "y[1]"), reference(2, "total"));
+    let (order, du, mut rate) = (1, 0.5, f64::NAN);
+    unsafe {
+        let (unknowns, knowns, seeds) = ([y, total, x], [u, u + 1], [2.0, 3.0]);
+        let mut rates = [f64::NAN; 3];
+        let directional = |unknowns: *const u32, knowns: *const u32, seeds: *const f64, rates: *mut f64| {
+            fmi2GetDirectionalDerivative(fmu.c, unknowns, 3, knowns, 2, seeds, rates)
+        };
+        let (v, k, d) = (unknowns.as_ptr(), knowns.as_ptr(), seeds.as_ptr());
+        assert_eq!(directional(v, k, d, rates.as_mut_ptr()), OK);
+        assert_eq!(rates, [2.0, 5.0, 0.0]);
+        for (argument, v, k, d, rates) in [
+            ("vUnknown_ref", null(), k, d, rates.as_mut_ptr()),
+            ("vKnown_ref", v, null(), d, rates.as_mut_ptr()),
+            ("dvKnown", v, k, null(), rates.as_mut_ptr()),
+            ("dvUnknown", v, k, d, null_mut()),
+        ] {
+            assert_eq!(directional(v, k, d, rates), ERROR);
+            let line = fmu.line();
+            assert!(line.text.contains(&format!("argument {argument} is NULL")), "{line:?}");
+        }
+        assert_eq!(fmi2GetDirectionalDerivative(fmu.c, null(), 0, null(), 0, null(), null_mut()), OK);
         assert_eq!(fmi2SetRealInputDerivatives(fmu.c, null(), 0, null(), null()), OK);
         assert_eq!(fmi2GetRealOutputDerivatives(fmu.c, null(), 0, null(), null_mut()), OK);
-        let status = fmi2GetDirectionalDerivative(
-            fmu.c,
-            &raw const vr,
-            1,
-            &raw const vr,
-            1,
-            &raw const one,
-            &raw mut real,
-        );
-        assert_eq!(status, ERROR);
-        assert!(fmu.line().text.contains("providesDirectionalDerivative is false"));
+        assert_eq!(fmi2SetRealInputDerivatives(fmu.c, &raw const u, 1, null(), &raw const du), ERROR);
+        assert_eq!(fmi2GetRealOutputDerivatives(fmu.c, &raw const y, 1, null(), &raw mut rate), ERROR);
+        fmu.lines();
+
+        assert_eq!(fmi2SetRealInputDerivatives(fmu.c, &raw const u, 1, &raw const order, &raw const du), OK);
+        assert_eq!(fmi2GetRealOutputDerivatives(fmu.c, &raw const y, 1, &raw const order, &raw mut rate), OK);
+        // x' = (gain u - x) / tau = (2 - 0.25) / 0.5, and y = x + u.
+        assert_eq!(rate, 3.5 + 0.5);
+        assert_eq!(fmi2DoStep(fmu.c, 0.0, 0.5, 1), OK);
+        assert_eq!(fmu.real("u[1]"), 1.25);
     }
 }
 

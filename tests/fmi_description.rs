@@ -94,14 +94,14 @@ fn the_head_carries_the_guid_of_the_instance_and_the_flags() {
             ("modelIdentifier", "Mock"),
             ("needsExecutionTool", "false"),
             ("canHandleVariableCommunicationStepSize", "true"),
-            ("canInterpolateInputs", "false"),
-            ("maxOutputDerivativeOrder", "0"),
+            ("canInterpolateInputs", "true"),
+            ("maxOutputDerivativeOrder", "1"),
             ("canRunAsynchronuously", "false"),
             ("canBeInstantiatedOnlyOncePerProcess", "false"),
             ("canNotUseMemoryManagementFunctions", "true"),
             ("canGetAndSetFMUstate", "true"),
             ("canSerializeFMUstate", "true"),
-            ("providesDirectionalDerivative", "false"),
+            ("providesDirectionalDerivative", "true"),
         ] {
             assert_eq!(attribute(simulation, flag), Some(value), "{flag}");
         }

@@ -7,7 +7,7 @@
     reason = "tests: the paper's letters; a failure may panic"
 )]
 
-use bess_consensus::grid::{Config, GridModel, LoadModel, NetworkMethod};
+use bess_consensus::grid::{Case, Config, GridModel, LoadModel, NetworkMethod, PowerFlowSolver, Start};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -59,4 +59,17 @@ fn a_step_allocates_nothing() {
             assert_eq!(counted, [0; 3], "{network:?}, {load_model:?}");
         }
     }
+}
+
+#[test]
+fn a_warm_power_flow_allocates_nothing() {
+    let mut solver = PowerFlowSolver::new(&Case::built_in("case57").unwrap(), Start::Flat).unwrap();
+    let mut counted = Vec::new();
+    for k in 0..10 {
+        solver.set_load(20, 0.05 + 0.01 * f64::from(k), 0.02).unwrap();
+        let before = COUNT.with(Cell::get);
+        assert!(solver.solve().unwrap().iterations > 0);
+        counted.push(COUNT.with(Cell::get) - before);
+    }
+    assert_eq!(counted, [0; 10]);
 }

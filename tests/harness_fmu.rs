@@ -246,6 +246,7 @@ fn libraries_that_are_missing_incomplete_or_foreign_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let error = refused(folder.path(), &integrator_xml(), b"no ELF");
     assert!(error.contains("integrator.so: cannot be loaded ("), "{error}");
+    assert!(error.contains("invalid ELF header") || error.contains("file too short"), "{error}");
     let error = refused(folder.path(), &integrator_xml(), &compile(&["-DWITHOUT_STATE"]));
     assert!(error.contains("misses fmi2GetFMUstate, fmi2SetFMUstate; expected all 34"), "{error}");
     let error = refused(folder.path(), &integrator_xml(), &compile(&["-DVERSION=\"1.0\""]));

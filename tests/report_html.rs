@@ -5,8 +5,8 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use bess_consensus::report::{
-    Agents, Columns, Edge, Figure, GraphFigure, Item, Node, PhaseOptions, Report, Section, Status, Table,
-    cluster_layout, error_systems, five_states, phase_table, phases,
+    Agents, Branch, Columns, Edge, Figure, GraphFigure, Item, Node, PhaseOptions, Report, Section, Status,
+    Table, TreeFigure, cluster_layout, error_systems, five_states, phase_table, phases,
 };
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -99,6 +99,28 @@ fn topology(title: &str, ring: bool) -> GraphFigure {
     }
 }
 
+/// The tree behind the topology: one edge was cut, and one more weighed.
+fn tree(title: &str) -> TreeFigure {
+    let graph = topology(title, false);
+    let branch = |edge: &Edge| {
+        let is_cut = (edge.a, edge.b) == (2, 3);
+        Branch {
+            a: edge.a,
+            b: edge.b,
+            length: 0.05 / edge.weight,
+            gain: (is_cut || edge.b == 6).then_some(if is_cut { 0.031 } else { 0.004 }),
+            is_cut,
+            verdict: if is_cut { "cut" } else { "kept" }.to_owned(),
+        }
+    };
+    TreeFigure {
+        title: title.to_owned(),
+        branches: graph.edges.iter().map(branch).collect(),
+        nodes: graph.nodes,
+        note: graph.note,
+    }
+}
+
 fn sample() -> Report {
     let (time, data) = record();
     let columns = Columns::new(&time, data.iter().map(|(name, y)| (name.as_str(), y.as_slice()))).unwrap();
@@ -136,6 +158,7 @@ fn sample() -> Report {
                 heading: "Communication".to_owned(),
                 text: String::new(),
                 items: vec![
+                    Item::Tree(tree("Spanning tree")),
                     Item::Graph(topology("Topology a3", false)),
                     Item::Graph(topology("Topology b3", true)),
                 ],
@@ -186,7 +209,7 @@ fn the_sample_is_whole_and_loads_nothing() {
     assert!(html.len() < 6_500_000, "{} bytes", html.len());
     let data = figure_data(&html);
     let figures = data["figures"].as_array().unwrap();
-    assert_eq!(figures.len(), 9);
+    assert_eq!(figures.len(), 10);
     for figure in &figures[..7] {
         assert_eq!(figure["data"].as_array().unwrap().len(), 7);
         assert_eq!(figure["layout"]["shapes"].as_array().unwrap().len(), 3);
@@ -198,6 +221,39 @@ fn the_sample_is_whole_and_loads_nothing() {
         assert!((1..7).all(|f| color(f, i) == color(0, i)));
     }
     assert_eq!(own.matches("<tr>").count(), 5);
+}
+
+/// The drawing against the data it was made of: each edge of the tree once, cut ones dashed and with their gain,
+/// each agent at its place, with its cluster's colour.
+#[test]
+fn the_tree_shows_every_edge_with_its_verdict_and_every_agent_in_its_clusters_colour() {
+    let html = sample().to_html().unwrap();
+    let data = figure_data(&html);
+    let drawn = data["figures"].as_array().unwrap().iter().find(|f| f["id"] == "figure-8").unwrap();
+    let traces = drawn["data"].as_array().unwrap();
+    let given = tree("");
+    let strokes: Vec<&Value> = traces.iter().filter(|t| t["mode"] == "lines").collect();
+    assert_eq!(strokes.len(), given.branches.len());
+    for branch in &given.branches {
+        let x = serde_json::json!([given.nodes[branch.a].x, given.nodes[branch.b].x]);
+        let y = serde_json::json!([given.nodes[branch.a].y, given.nodes[branch.b].y]);
+        let stroke = strokes.iter().find(|t| t["x"] == x && t["y"] == y).unwrap();
+        assert_eq!(stroke["line"]["dash"] == "dash", branch.is_cut);
+        assert_eq!(stroke["legendgroup"], if branch.is_cut { "cut" } else { "kept" });
+    }
+    let hovers = drawn["data"].to_string();
+    assert_eq!(hovers.matches("gain of the cut").count(), 2);
+    let mut colors = std::collections::BTreeSet::new();
+    for cluster in 0..2 {
+        let name = format!("cluster {}", cluster + 1);
+        let marks = traces.iter().find(|t| t["name"] == name.as_str()).unwrap();
+        let expected: Vec<f64> = given.nodes.iter().filter(|n| n.group == cluster).map(|n| n.x).collect();
+        assert_eq!(marks["x"], serde_json::json!(expected));
+        colors.insert(marks["marker"]["color"].to_string());
+    }
+    assert_eq!(colors.len(), 2);
+    let leaders = traces.iter().find(|t| t["name"] == "active leader").unwrap();
+    assert_eq!(leaders["x"].as_array().unwrap().len(), 2);
 }
 
 #[test]
@@ -220,6 +276,10 @@ fn markup_in_names_is_shown_and_not_obeyed() {
         .into_iter()
         .map(Item::Figure)
         .collect();
+    let mut tree = tree(evil);
+    (tree.nodes[0].name, tree.branches[0].verdict, tree.note) =
+        (evil.to_owned(), evil.to_owned(), evil.to_owned());
+    items.push(Item::Tree(tree));
     items.push(Item::Graph(graph));
     items.push(Item::Table(Table {
         caption: evil.to_owned(),

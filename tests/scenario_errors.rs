@@ -35,8 +35,15 @@ fn says(error: Result<Resolved, String>, parts: &[&str]) {
 fn the_built_in_scenario_is_sound_and_has_the_papers_parameters() {
     let resolved = Resolved::load("case1", &Map::new()).unwrap();
     assert_eq!(resolved.control.K_P, [0.004, 0.0048, 0.005, 0.0036, 0.0038, 0.00408, 0.0044]);
-    let soc: Vec<f64> =
-        resolved.grid.bess.iter().zip(&resolved.control.capacity).map(|(b, c)| b.E_start / c).collect();
+    let soc: Vec<f64> = resolved
+        .grid
+        .as_ref()
+        .unwrap()
+        .bess
+        .iter()
+        .zip(&resolved.control.capacity)
+        .map(|(b, c)| b.E_start / c)
+        .collect();
     for (soc, expected) in soc.iter().zip([0.704, 0.703, 0.702, 0.7, 0.699, 0.698, 0.696]) {
         assert!((soc - expected).abs() < 1e-15);
     }

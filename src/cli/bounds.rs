@@ -11,11 +11,12 @@ use std::fmt::Write as _;
 
 /// lambda_2 and the certified times of every topology, from the errors at which the droop alone settles.
 pub struct Bounds {
-    eta: f64,
+    /// The scenario's exponent.
+    pub(super) eta: f64,
     /// norm(K_P P - mean), pu.
-    error_p: f64,
+    pub(super) error_p: f64,
     /// norm(omega - 1), pu.
-    error_omega: f64,
+    pub(super) error_omega: f64,
     topologies: Vec<Certified>,
 }
 
@@ -32,7 +33,11 @@ struct Certified {
 impl Bounds {
     /// Computes them.
     pub fn of(resolved: &Resolved) -> Result<Self, Failure> {
-        let mut grid = GridModel::new(&resolved.grid).into_diagnostic()?;
+        let none = || {
+            miette::miette!("grid.case is \"none\": the errors at the start are not known; expected a case")
+        };
+        let config = resolved.grid.as_ref().ok_or_else(none)?;
+        let mut grid = GridModel::new(config).into_diagnostic()?;
         grid.initialise().into_diagnostic()?;
         let n = grid.n();
         let p: Vec<f64> = (0..n).map(|i| resolved.control.K_P[i] * grid.P(i)).collect();

@@ -1,7 +1,7 @@
-//! `bess export`: an FMU for a scenario.
+//! `bess export`: an FMU for a scenario, or both as one system.
 
 use super::{Failure, ScenarioArgs};
-use crate::fmi::Model;
+use crate::fmi::{Interface, Model};
 use crate::models::{Controller, Grid};
 use crate::package::{self, Libraries, PackageError};
 use crate::scenario::Resolved;
@@ -15,6 +15,8 @@ pub enum Part {
     Controller,
     /// The power network with its batteries
     Grid,
+    /// Both, connected: a .ssp (SSP 1.0)
+    System,
 }
 
 /// The command line of `bess export`.
@@ -22,15 +24,23 @@ pub enum Part {
 #[command(after_help = "Examples:
   bess export controller case1
   bess export controller mine.json -o fmu/Mine.fmu
-  bess export grid case1 --set grid.case=my_case.m")]
+  bess export grid case1 --set grid.case=my_case.m
+  bess export controller mine.json --portable     P_1 in place of P[1], nothing but Reals
+  bess export system mine.json -o mine.ssp        both FMUs, connected
+
+A system starts with the scenario's `initial` values and its events at 0 s, and with the controller on unless
+those say otherwise; later events are left to the master that opens it.")]
 pub struct ExportArgs {
     /// What to export
     part: Part,
     #[command(flatten)]
     scenario: ScenarioArgs,
-    /// The FMU to write [default: BessConsensus.fmu or BessGrid.fmu]
+    /// The file to write [default: BessConsensus.fmu, BessGrid.fmu or BessSystem.ssp]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Names that are C identifiers (P_1) and Reals only (true from 0.5 on), for tools that know nothing else
+    #[arg(long)]
+    portable: bool,
     /// Folder with the shared libraries: linux64/, win64/, aarch64-linux/, or a cargo target folder
     /// [default: those that this program carries; if it carries none, those beside it]
     #[arg(long, value_name = "DIR")]
@@ -41,13 +51,17 @@ pub struct ExportArgs {
 pub fn export(args: &ExportArgs, carried: &'static [u8]) -> Result<(), Failure> {
     let resolved = args.scenario.resolve()?;
     let libraries = chosen(args.libraries.as_deref(), carried);
-    let identifier = match args.part {
-        Part::Controller => Controller::IDENTIFIER,
-        Part::Grid => Grid::IDENTIFIER,
+    let (identifier, extension) = match args.part {
+        Part::Controller => (Controller::IDENTIFIER, "fmu"),
+        Part::Grid => (Grid::IDENTIFIER, "fmu"),
+        Part::System => ("BessSystem", "ssp"),
     };
-    let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{identifier}.fmu")));
-    let written = write(args.part, &resolved, &output, &libraries);
-    let platforms = written.and_then(|()| libraries.platforms(identifier)).map_err(|error| {
+    let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{identifier}.{extension}")));
+    let interface = if args.portable { Interface::Portable } else { Interface::Structured };
+    // A system holds both models, built for the same platforms.
+    let model = if matches!(args.part, Part::Grid) { Grid::IDENTIFIER } else { Controller::IDENTIFIER };
+    let written = write(args.part, &resolved, interface, &output, &libraries);
+    let platforms = written.and_then(|()| libraries.platforms(model)).map_err(|error| {
         let report = match &error {
             PackageError::NoLibrary { .. } | PackageError::NotCarried { .. } => {
                 miette::miette!(
@@ -57,17 +71,26 @@ pub fn export(args: &ExportArgs, carried: &'static [u8]) -> Result<(), Failure> 
             }
             _ => miette::miette!("{error}"),
         };
-        Failure { report, code: 1 }
+        // What the scenario says is the user's; the rest is the file's or the machine's.
+        let code = if matches!(error, PackageError::System(_)) { 2 } else { 1 };
+        Failure { report, code }
     })?;
     eprintln!("wrote {} ({})", output.display(), platforms.join(", "));
     Ok(())
 }
 
-/// Writes one part of a resolved scenario as an FMU.
-fn write(part: Part, resolved: &Resolved, output: &Path, libraries: &Libraries) -> Result<(), PackageError> {
+/// Writes what is asked for of a resolved scenario.
+fn write(
+    part: Part,
+    resolved: &Resolved,
+    interface: Interface,
+    output: &Path,
+    libraries: &Libraries,
+) -> Result<(), PackageError> {
     match part {
-        Part::Controller => package::write_controller(output, resolved, libraries),
-        Part::Grid => package::write_grid(output, resolved, libraries),
+        Part::Controller => package::write_controller(output, resolved, interface, libraries),
+        Part::Grid => package::write_grid(output, resolved, interface, libraries),
+        Part::System => package::write_system(output, resolved, interface, libraries),
     }
 }
 

@@ -1,9 +1,11 @@
-//! The `bess` command: parse, call one function, print. Exit codes: 0 done, 1 the run or the file failed,
+//! The `bess` command: parse, call one function, print. Exit codes: 0 done, 1 the run or the file failed (or `check` found errors),
 //! 2 the command line or the scenario is wrong.
 #![forbid(unsafe_code)]
 #![allow(non_snake_case)]
 
 mod bounds;
+mod certified;
+mod check;
 mod cluster;
 mod export;
 mod run;
@@ -25,6 +27,7 @@ use std::process::ExitCode;
   bess export controller mine.json -o Mine.fmu    the controller for your own batteries
   bess run mine.json --grid MyGrid.fmu            the controller beside your own grid model
   bess cluster case1                              who talks to whom, and why
+  bess check MyGrid.fmu                           what is wrong with an FMU, and who refuses it
 
 SCENARIO is a JSON file or a built-in name: case1, case2, case3, case4, plug_and_play, voltage, energy.")]
 struct Cli {
@@ -34,7 +37,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Write an FMU for a scenario
+    /// Write an FMU for a scenario, or both FMUs connected (.ssp)
     Export(export::ExportArgs),
     /// Couple controller and grid, simulate, and leave trajectory.csv, summary.json and report.html
     Run(run::RunArgs),
@@ -42,6 +45,14 @@ enum Command {
     Cluster(ScenarioArgs),
     /// Print lambda_2 and the certified times T_P and T_omega
     Bounds(ScenarioArgs),
+    /// Check an FMU, yours or any other: what is wrong, and which tools would refuse it
+    Check(check::CheckArgs),
+    /// Runs an FMU for `check`, in a process that may die of it
+    #[command(name = check::PROBE, hide = true)]
+    Probe {
+        /// The FMU
+        file: PathBuf,
+    },
     /// Print a scenario as it is read, a start for one's own
     Show(ScenarioArgs),
     /// Print the JSON Schema of scenarios
@@ -101,6 +112,15 @@ pub fn main(carried: &'static [u8]) -> ExitCode {
         Command::Run(args) => run::run(&args),
         Command::Cluster(args) => cluster::cluster(&args),
         Command::Bounds(args) => bounds::bounds(&args),
+        Command::Check(args) => match check::check(&args) {
+            Ok(true) => Ok(()),
+            Ok(false) => return ExitCode::FAILURE,
+            Err(failure) => Err(failure),
+        },
+        Command::Probe { file } => {
+            crate::check::probe(&file);
+            Ok(())
+        }
         Command::Show(args) => show::show(&args),
         Command::Schema => show::schema(),
     };

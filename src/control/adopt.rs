@@ -2,10 +2,10 @@
 //! and the eigenvalues. Runs between steps; this is where memory is allocated.
 
 use super::certificates::{FixedTime, settling_time, weight_exponents};
-use super::config::Law;
+use super::config::{Law, VoltagePolicy};
 use super::controller::Controller;
 use super::event::Event;
-use super::exchange::{carry_over, hold};
+use super::exchange::{carry_over, hand_over};
 use super::network::Network;
 use super::spectrum::{Eigenvalue, Method, smallest};
 use super::time::nanoseconds;
@@ -64,6 +64,7 @@ impl Controller {
         let (inputs, adopted) = (&self.state.inputs, &mut self.state.adopted);
         if adopted.enable != inputs.enable {
             adopted.enable = inputs.enable;
+            self.state.fade_left_ns = nanoseconds(self.fixed.exchange_fade_s);
             events(if inputs.enable { Event::Enabled } else { Event::Disabled });
         }
         let mut changed = false;
@@ -114,6 +115,7 @@ impl Controller {
         self.network = Network::new(std::mem::take(&mut topology.graph));
         let edges = self.network.graph.edges().len();
         self.scratch.flows = vec![0.0; edges];
+        self.scratch.transfers = vec![0.0; edges];
         self.scratch.received_ns = vec![i64::MIN; if self.fixed.channel.is_lossy() { 2 * edges } else { 0 }];
         self.state.outputs.cluster.copy_from_slice(&topology.cluster);
         self.spectrum.tuning = None;
@@ -122,18 +124,16 @@ impl Controller {
 
     fn carry(&mut self, before: &Network) {
         let state = &mut self.state;
-        hold(&mut state.held, before, &state.flows, &self.topology.live);
-        let fresh = vec![0.0; self.network.graph.edges().len()];
-        state.flows = if state.flows.is_empty() {
-            fresh.clone()
-        } else {
-            carry_over(before, &self.network, 1, &state.flows, 0.0)
-        };
+        state.flows = hand_over(&mut state.held, before, &self.network, &state.flows);
+        state.fade_left_ns = nanoseconds(self.fixed.exchange_fade_s);
         state.transfers = if state.transfers.is_empty() {
-            fresh
+            vec![0.0; self.network.graph.edges().len()]
         } else {
             carry_over(before, &self.network, 1, &state.transfers, 0.0)
         };
+        state
+            .history
+            .carry_transfers(|per_edge, past| carry_over(before, &self.network, per_edge, past, 0.0));
         state.received_ns = match carry_over(before, &self.network, 2, &state.received_ns, i64::MIN) {
             kept if kept.is_empty() => self.scratch.received_ns.clone(),
             kept => kept,
@@ -176,6 +176,9 @@ impl Controller {
         self.network.set_delay(nanoseconds(tuning.delay), &self.fixed.channel);
         let horizon_ns = self.network.longest_delay_ns() + self.fixed.channel.horizon_ns();
         self.state.history.reach(horizon_ns);
+        if self.state.parameters.voltage_policy == VoltagePolicy::Average {
+            self.state.history.keep_transfers(self.network.graph.edges().len());
+        }
         self.spectrum = Spectrum {
             P: self.tie(tuning.gain_P, tuning.eta, tuning.dispatch),
             omega: self.tie(tuning.gain_omega, tuning.eta, true),

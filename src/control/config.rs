@@ -60,6 +60,10 @@ pub struct Config {
     /// the exchange is held until the link is back.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lost_link_fade_s: Option<f64>,
+    /// Time in which the exchange fades from what P_set is to what the law asks for, s, >= 0: after enabling,
+    /// and when links come and go.
+    #[serde(default = "default_exchange_fade")]
+    pub exchange_fade_s: f64,
     /// Jitter and loss of messages.
     #[serde(default)]
     pub channel: Channel,
@@ -71,6 +75,13 @@ fn default_eta() -> f64 {
 
 fn default_theta_E() -> f64 {
     1.0
+}
+
+/// The fade of the exchange where none is given, s: a P_exchange_max of 1 pu then moves omega by K_P / 2 a second.
+pub const EXCHANGE_FADE_S: f64 = 2.0;
+
+fn default_exchange_fade() -> f64 {
+    EXCHANGE_FADE_S
 }
 
 /// Gains of the five inputs, each >= 0; they multiply the weights w_ij and a_0i.
@@ -246,8 +257,8 @@ impl Config {
         self.K_P.len()
     }
 
-    /// The paper's agent model for n agents: unit droop, capacity and exchange limit, starts of 1,
-    /// everything else at its default.
+    /// The paper's agent model for n agents: unit droop, capacity and exchange limit, starts of 1, no fade (its
+    /// (11) has none), everything else at its default.
     pub fn unit(n: usize, communication: Communication) -> Self {
         let ones = vec![1.0; n];
         Self {
@@ -270,6 +281,7 @@ impl Config {
             measurement_filter: MeasurementFilter::default(),
             no_circulation: false,
             lost_link_fade_s: None,
+            exchange_fade_s: 0.0,
             channel: Channel::default(),
         }
     }

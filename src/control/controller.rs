@@ -1,6 +1,7 @@
 //! The controller: inputs in, setpoints out, one step at a time. Holds the state and what is derived from
 //! it; the laws are in `protocol`, what a step does in `step`, what a changed graph does in `adopt`.
 
+use super::authority::Authority;
 use super::config::{Config, Law, MeasurementFilter};
 use super::delay::{History, Signals};
 use super::error::ConfigError;
@@ -9,8 +10,9 @@ use super::exchange::Exchange;
 use super::io::{Inputs, Outputs, Parameters};
 use super::lag::Lag;
 use super::limits::LimitTable;
-use super::network::Network;
+use super::network::{Lateness, Network};
 use super::state::{Adopted, Clock, Lags, State};
+use super::time::{nanoseconds, seconds};
 use super::topology::{Topologies, Topology};
 use super::{adopt::Spectrum, config::Channel, discretisation::SignPower};
 
@@ -40,6 +42,7 @@ pub(super) struct Fixed {
     pub channel: Channel,
     pub no_circulation: bool,
     pub lost_link_fade_s: Option<f64>,
+    pub exchange_fade_s: f64,
 }
 
 /// Working arrays: written anew in every evaluation, so that a step allocates nothing.
@@ -48,10 +51,17 @@ pub(super) struct Scratch {
     pub signals: Signals,
     pub filtered: Vec<f64>,
     pub flows: Vec<f64>,
+    /// z_ij after the step.
+    pub transfers: Vec<f64>,
     pub received_ns: Vec<i64>,
     pub P_set: Vec<f64>,
     /// Room to rise and to fall in P, then in Q.
     pub room: [Vec<f64>; 4],
+    /// What the step makes of the same of the state.
+    pub shares: Vec<f64>,
+    pub followed: Vec<f64>,
+    pub owed: [Vec<f64>; 2],
+    pub authority: Vec<Authority>,
 }
 
 impl Controller {
@@ -79,6 +89,11 @@ impl Controller {
             received_ns: Vec::new(),
             held: Vec::new(),
             lags: Lags { frequency: Lag::new(&[]), voltage: Lag::new(&[]) },
+            fade_left_ns: 0,
+            shares: Vec::new(),
+            followed: Vec::new(),
+            owed: Default::default(),
+            authority: Vec::new(),
             inputs,
         };
         let topology = topologies.build(0, &state.adopted.available);
@@ -89,12 +104,18 @@ impl Controller {
             channel: config.channel,
             no_circulation: config.no_circulation,
             lost_link_fade_s: config.lost_link_fade_s,
+            exchange_fade_s: config.exchange_fade_s,
         };
+        let bounded = fixed.limits.power || fixed.no_circulation;
         let scratch = Scratch {
             signals: Signals::new(n),
             filtered: vec![0.0; if fixed.filter == MeasurementFilter::default() { 0 } else { 5 * n }],
             P_set: vec![0.0; n],
             room: std::array::from_fn(|_| vec![1.0; n]),
+            shares: vec![0.0; if bounded { n } else { 0 }],
+            followed: vec![0.0; if bounded { n } else { 0 }],
+            owed: std::array::from_fn(|_| vec![0.0; if fixed.limits.power { n } else { 0 }]),
+            authority: vec![Authority::default(); if fixed.limits.power { n } else { 0 }],
             ..Scratch::default()
         };
         let mut controller = Self {
@@ -186,6 +207,13 @@ impl Controller {
         adopted.topology = chosen.ok().filter(|&k| k < self.topologies.count()).unwrap_or(0);
         self.state.clock = Clock::default();
         self.state.filtered.clone_from(&self.scratch.filtered);
+        self.state.shares.clone_from(&self.scratch.shares);
+        self.state.followed.clone_from(&self.scratch.followed);
+        self.scratch.owed.iter_mut().for_each(|owed| owed.fill(0.0));
+        self.scratch.authority.fill(Authority::default());
+        self.state.owed.clone_from(&self.scratch.owed);
+        self.state.authority.clone_from(&self.scratch.authority);
+        self.state.fade_left_ns = nanoseconds(self.fixed.exchange_fade_s);
         self.state.held.clear();
         self.state.history = History::new(n, 0);
         self.state.lags = Lags::start(&self.state.outputs);
@@ -224,7 +252,7 @@ impl Controller {
 
     /// Takes over a state of a controller made from the same configuration; on an error nothing changes.
     pub fn set_state(&mut self, state: &State) -> Result<(), ConfigError> {
-        state.check(self.agents(), self.topologies.count(), self.scratch.filtered.len())?;
+        state.check(self.agents(), self.topologies.count(), &self.scratch)?;
         let before = self.clone();
         self.state.clone_from(state);
         self.rebuild();
@@ -237,18 +265,25 @@ impl Controller {
         Ok(())
     }
 
-    pub(super) fn exchange_of<'a>(&'a self, power: SignPower, theta_s: f64, h_s: f64) -> Exchange<'a> {
+    pub(super) fn exchange_of<'a>(&'a self, power: SignPower, theta_s: f64, h_ns: i64) -> Exchange<'a> {
         let parameters = &self.state.parameters;
         Exchange {
             power,
             gain: parameters.gain_E,
             theta_s,
-            h_s,
+            h_s: seconds(h_ns),
+            fade: self.fade(h_ns),
             capacity: &parameters.capacity,
             P_max: &parameters.P_exchange_max,
-            K_P: &parameters.K_P,
             limits: &self.fixed.limits,
             no_circulation: self.fixed.no_circulation,
+            late: Lateness::default(),
         }
+    }
+
+    /// Share of a step of `h_ns` in what is left of the fade: a straight line from what the exchange was.
+    pub(super) fn fade(&self, h_ns: i64) -> f64 {
+        let left = self.state.fade_left_ns;
+        if h_ns >= left { 1.0 } else { h_ns.max(0) as f64 / left as f64 }
     }
 }

@@ -2,6 +2,7 @@
 //! linear interpolation, and the lossy channel of a link. Equation (34). Allocates only in `new`.
 
 use super::config::Channel;
+use super::scalar::Scalar;
 use super::time::nanoseconds;
 use serde::{Deserialize, Serialize};
 
@@ -20,10 +21,12 @@ pub enum Quantity {
     Soc,
     /// The estimate of the mean voltage, pu.
     MeanV,
+    /// P_i - P_set_i without the exchange's own moves, pu.
+    Share,
 }
 
 /// Number of quantities.
-const QUANTITIES: usize = 6;
+const QUANTITIES: usize = 7;
 /// The slot number of the present values, which are not in the ring yet.
 const PRESENT: u32 = u32::MAX;
 /// Upper bound of the stored values of all slots together; the number of slots follows from it.
@@ -31,21 +34,21 @@ const VALUES: usize = 8_000_000;
 
 /// The present values of all agents, by quantity.
 #[derive(Clone, Debug, Default)]
-pub struct Signals(pub [Vec<f64>; QUANTITIES]);
+pub struct Signals<S = f64>(pub [Vec<S>; QUANTITIES]);
 
-impl Signals {
+impl<S: Scalar> Signals<S> {
     /// Zeros for `n` agents.
     pub fn new(n: usize) -> Self {
-        Self(std::array::from_fn(|_| vec![0.0; n]))
+        Self(std::array::from_fn(|_| vec![S::constant(0.0); n]))
     }
 
     /// The values of one quantity.
-    pub fn of(&self, quantity: Quantity) -> &[f64] {
+    pub fn of(&self, quantity: Quantity) -> &[S] {
         &self.0[quantity as usize]
     }
 
     /// The values of one quantity, to be written.
-    pub fn of_mut(&mut self, quantity: Quantity) -> &mut [f64] {
+    pub fn of_mut(&mut self, quantity: Quantity) -> &mut [S] {
         &mut self.0[quantity as usize]
     }
 }
@@ -56,11 +59,18 @@ pub struct Bracket {
     before: u32,
     after: u32,
     fraction: f64,
+    /// How fast the fraction falls when the point gets later by a second, 1/s; 0 where a sample is held.
+    per_s: f64,
 }
 
 impl Bracket {
     /// The present.
-    pub const NOW: Self = Self { before: PRESENT, after: PRESENT, fraction: 0.0 };
+    pub const NOW: Self = Self { before: PRESENT, after: PRESENT, fraction: 0.0, per_s: 0.0 };
+
+    /// The same point, but fixed: no delay moves it.
+    pub fn fixed(self) -> Self {
+        Self { per_s: 0.0, ..self }
+    }
 }
 
 /// Past samples of all quantities of all agents.
@@ -69,6 +79,8 @@ pub struct History {
     n: usize,
     times: Vec<i64>,
     values: Vec<f64>,
+    /// The estimator's transfers at these times, edge by edge; empty while nobody asks for past ones.
+    transfers: Vec<f64>,
     /// Slot of the oldest sample.
     oldest: usize,
     len: usize,
@@ -104,6 +116,25 @@ impl History {
         self.spacing_ns = horizon_ns / (slots as i64 - 3) + 1;
     }
 
+    /// Keeps the transfers of `edges` edges from now on, as 0 in the past unless they were kept already.
+    pub fn keep_transfers(&mut self, edges: usize) {
+        let needed = self.times.len() * edges;
+        if self.transfers.len() != needed {
+            self.transfers = vec![0.0; needed];
+        }
+    }
+
+    /// Lets `carry` take the past transfers over to another graph; it is given the number of values per edge.
+    pub fn carry_transfers(&mut self, carry: impl FnOnce(usize, &[f64]) -> Vec<f64>) {
+        self.transfers = carry(self.times.len(), &self.transfers);
+    }
+
+    /// Whether the transfers kept, if any, are finite and those of `edges` edges.
+    pub fn transfers_fit(&self, edges: usize) -> bool {
+        (self.transfers.is_empty() || self.transfers.len() == self.times.len() * edges)
+            && self.transfers.iter().all(|x| x.is_finite())
+    }
+
     /// Whether the arrays fit `n` agents and each other, and all values are finite.
     pub fn fits(&self, n: usize) -> bool {
         let slots = self.times.len();
@@ -134,9 +165,9 @@ impl History {
         self.times[self.slot(k)]
     }
 
-    /// Adds the sample of `t_ns`. A later one that is there already comes from a run that was rolled
-    /// back, and goes.
-    pub fn push(&mut self, t_ns: i64, signals: &Signals) {
+    /// Adds the sample of `t_ns`: the signals, and by edge the transfers where they are kept. A later one that
+    /// is there already comes from a run that was rolled back, and goes.
+    pub fn push(&mut self, t_ns: i64, signals: &Signals, transfers: &[f64]) {
         if self.times.is_empty() {
             return;
         }
@@ -157,6 +188,9 @@ impl History {
             let start = (slot * QUANTITIES + q) * self.n;
             self.values[start..start + self.n].copy_from_slice(values);
         }
+        for (past, &z) in self.transfers.chunks_exact_mut(self.times.len()).zip(transfers) {
+            past[slot] = z;
+        }
     }
 
     /// Where time `t_ns` lies, the present being `now_ns`; before the first sample the first is held.
@@ -167,38 +201,65 @@ impl History {
         let (mut low, mut high) = (0, self.len - 1);
         if t_ns <= self.time(low) {
             let slot = self.slot(low) as u32;
-            return Bracket { before: slot, after: slot, fraction: 0.0 };
+            return Bracket { before: slot, after: slot, fraction: 0.0, per_s: 0.0 };
         }
         let newest = self.time(high);
         if t_ns >= newest {
-            let fraction = (t_ns - newest) as f64 / (now_ns - newest) as f64;
-            return Bracket { before: self.slot(high) as u32, after: PRESENT, fraction };
+            let span = (now_ns - newest) as f64;
+            let (fraction, per_s) = ((t_ns - newest) as f64 / span, 1e9 / span);
+            return Bracket { before: self.slot(high) as u32, after: PRESENT, fraction, per_s };
         }
         while high - low > 1 {
             let middle = (low + high) / 2;
             if self.time(middle) <= t_ns { low = middle } else { high = middle }
         }
         let (before, after) = (self.time(low), self.time(high));
-        let fraction = (t_ns - before) as f64 / (after - before) as f64;
-        Bracket { before: self.slot(low) as u32, after: self.slot(high) as u32, fraction }
+        let span = (after - before) as f64;
+        let (fraction, per_s) = ((t_ns - before) as f64 / span, 1e9 / span);
+        Bracket { before: self.slot(low) as u32, after: self.slot(high) as u32, fraction, per_s }
     }
 
-    fn stored(&self, slot: u32, quantity: Quantity, i: usize, present: &[f64]) -> f64 {
+    fn stored<S: Scalar>(&self, slot: u32, quantity: Quantity, i: usize, present: &[S]) -> S {
         if slot == PRESENT {
             present[i]
         } else {
-            self.values[(slot as usize * QUANTITIES + quantity as usize) * self.n + i]
+            S::constant(self.values[(slot as usize * QUANTITIES + quantity as usize) * self.n + i])
         }
     }
 
     /// Agent `i`'s value at the bracketed time; `present` holds the quantity's present values.
-    pub fn value(&self, bracket: Bracket, quantity: Quantity, i: usize, present: &[f64]) -> f64 {
+    pub fn value<S: Scalar>(&self, bracket: Bracket, quantity: Quantity, i: usize, present: &[S]) -> S {
+        self.value_late(bracket, quantity, i, present, S::constant(0.0))
+    }
+
+    /// The same `late` s earlier, within the bracket. At a sample its slope is that of the time after it.
+    pub fn value_late<S: Scalar>(
+        &self,
+        bracket: Bracket,
+        quantity: Quantity,
+        i: usize,
+        present: &[S],
+        late: S,
+    ) -> S {
         let before = self.stored(bracket.before, quantity, i, present);
-        if bracket.fraction == 0.0 {
+        if bracket.fraction == 0.0 && (bracket.per_s == 0.0 || !S::CARRIES_TANGENT) {
             return before;
         }
         let after = self.stored(bracket.after, quantity, i, present);
-        before + bracket.fraction * (after - before)
+        let fraction = S::constant(bracket.fraction) - late * S::constant(bracket.per_s);
+        before + fraction * (after - before)
+    }
+
+    /// The transfer of edge `e` at the bracketed time; `present` are the present ones. Where none are kept
+    /// the past is as the present.
+    pub fn transfer(&self, bracket: Bracket, e: usize, present: &[f64]) -> f64 {
+        let kept = self.transfers.get(e * self.times.len()..).unwrap_or_default();
+        let stored = |slot: u32| match kept.get(slot as usize) {
+            Some(&z) if slot != PRESENT => z,
+            _ => present[e],
+        };
+        let before = stored(bracket.before);
+        before + bracket.fraction * (stored(bracket.after) - before)
     }
 }
 
@@ -260,7 +321,7 @@ mod tests {
         let mut history = History::new(1, 500);
         assert_eq!(look(&history, 0, -500, 7.0), 7.0);
         for t in (0..5000).step_by(100) {
-            history.push(t, &signal(t as f64));
+            history.push(t, &signal(t as f64), &[]);
         }
         assert_eq!(look(&history, 5000, 4500, 5000.0), 4500.0);
         assert_eq!(look(&history, 5000, 4550, 5000.0), 4550.0);
@@ -272,7 +333,7 @@ mod tests {
     fn steps_far_finer_than_the_ring_still_reach_back_the_whole_delay() {
         let mut history = History::new(1, 500_000_000);
         for t in (0..2_000_000_000).step_by(10_000) {
-            history.push(t, &signal(t as f64));
+            history.push(t, &signal(t as f64), &[]);
         }
         assert!(history.len() <= 1024);
         let found = look(&history, 2_000_000_000, 1_500_000_000, 2e9);
@@ -283,9 +344,9 @@ mod tests {
     fn a_rolled_back_run_leaves_nothing_behind() {
         let mut history = History::new(1, 500);
         for t in [0, 100, 200, 300] {
-            history.push(t, &signal(1.0));
+            history.push(t, &signal(1.0), &[]);
         }
-        history.push(200, &signal(5.0));
+        history.push(200, &signal(5.0), &[]);
         assert_eq!(history.len(), 3);
         assert_eq!(look(&history, 300, 200, 9.0), 5.0);
     }

@@ -8,6 +8,7 @@
 use super::delay::{History, Quantity, Signals};
 use super::discretisation::Flow;
 use super::network::Network;
+use super::time::seconds;
 
 /// vbar_i = V_i + sum_j z_ij, pu.
 pub fn estimates(network: &Network, transfers: &[f64], V: &[f64], vbar: &mut [f64]) {
@@ -19,22 +20,35 @@ pub fn estimates(network: &Network, transfers: &[f64], V: &[f64], vbar: &mut [f6
     }
 }
 
-/// z_ij -= h f_ij, f_ij the capped flow (DESIGN 1.1) of vbar_i - vbar_j, both at t - tau, with
-/// theta = max(h, theta_min, 2 tau) so that no delay destabilises it; `flow` is made for no delay.
+/// One Metropolis step on what both ends agree on: z_ij(t + h) = z_ij(t - tau) - (tau + h) f_ij(t - tau), f_ij the
+/// capped flow (DESIGN 1.1) of vbar_i - vbar_j with theta = max(tau + h, theta_min); `flow` is made for no delay,
+/// at which this is z_ij -= h f_ij.
+///
+/// Taking the transfer too at t - tau makes each round of messages a full step of consensus, where an
+/// integrator z_ij' = -f_ij(t - tau) must be kept slow, theta >= 2 tau, not to overshoot on old values. In the
+/// boundary layer the edges are then c_ij p / (1 - p), p the shift by tau_ij + h: c_ij (1 / (1 - p) - 1), whose real
+/// part is at least -c_ij / 2 wherever abs(p) <= 1. So the estimates settle for all delays, equal or not, as
+/// long as no eigenvalue of the Laplacian of the c_ij reaches 2; with sums of c_ij below 1 at every agent,
+/// which `round_shares` are, none does.
 pub fn advance(
     network: &Network,
     history: &History,
     signals: &Signals,
     flow: &Flow,
-    h_s: f64,
-    transfers: &mut [f64],
+    h_ns: i64,
+    before: &[f64],
+    after: &mut [f64],
 ) {
     let vbar = signals.of(Quantity::MeanV);
     for (e, edge) in network.graph.edges().iter().enumerate() {
         let (at_a, at_b) = network.agreed(e, history, Quantity::MeanV, vbar);
-        let mut flow = *flow;
-        // At no delay this is infinite and leaves theta alone.
-        flow.inverse_theta = flow.inverse_theta.min(1e9 / (2.0 * network.delays_ns[e] as f64));
-        transfers[e] -= h_s * flow.along(edge.weight, at_a - at_b, network.shares[e]);
+        let (z, age_ns) = network.agreed_transfer(e, history, before);
+        let (mut flow, mut share) = (*flow, network.shares[e]);
+        let round_s = seconds(age_ns.saturating_add(h_ns));
+        if age_ns > 0 {
+            flow.inverse_theta = flow.inverse_theta.min(1.0 / round_s);
+            share = network.round_shares[e];
+        }
+        after[e] = z - round_s * flow.along(edge.weight, at_a - at_b, share);
     }
 }

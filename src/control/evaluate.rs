@@ -6,15 +6,24 @@ use super::controller::Controller;
 use super::delay::Quantity;
 use super::discretisation::{Flow, SignPower, boundary_layer};
 use super::estimator::estimates;
-use super::exchange::setpoints;
+use super::exchange::{HeldLink, setpoints};
 use super::lag::{Lag, no_load};
-use super::limits::{hold_back, restrict, room};
-use super::network::Room;
+use super::network::Lateness;
 use super::protocol::{View, active_power, average_voltage, energy, frequency, reactive_power, voltage};
+use super::scalar::Scalar;
 use super::time::seconds;
 
-/// A power, and the least and largest that it may be.
-type Bounded = (f64, (f64, f64));
+/// Time in which a battery's power follows a new P_set, s: its power filter and its angle, rather more than
+/// they take.
+const FOLLOWING_S: f64 = 0.25;
+/// Time constant of the share of the load, in steps until an action shows.
+const SHARE_LOOPS: f64 = 2.0;
+/// Least boundary layer with `voltage_policy = "average"`, as a share of the longest delay. An agent that goes to
+/// where its neighbours were tau ago at once (theta = h, h far below tau) makes two halves of an even graph take
+/// turns, damped by nothing but theta; that goes on for the longer, the finer the steps, and what it stirs in
+/// P and Q the average voltage has to follow. Where the layer grows with the delay, the run does not depend on the
+/// step. From 1/30 the turns linger, beyond 1/10 the sharing itself is slow; in between it hardly matters.
+const DELAY_LAYER: f64 = 1.0 / 20.0;
 
 impl Controller {
     /// Evaluates everything at `now_ns` for a step of `h_ns`.
@@ -33,8 +42,9 @@ impl Controller {
         if self.state.adopted.enable {
             self.laws(h_s);
             self.limit(h_s);
-            self.exchange(h_s);
+            self.exchange(h_ns);
         } else {
+            self.scratch.owed.iter_mut().for_each(|owed| owed.fill(0.0));
             let outputs = &mut self.state.outputs;
             for u in
                 [&mut outputs.u_omega, &mut outputs.u_P, &mut outputs.u_E, &mut outputs.u_V, &mut outputs.u_Q]
@@ -91,18 +101,65 @@ impl Controller {
                 scratch.filtered[k * n..(k + 1) * n].copy_from_slice(values);
             }
         }
-        let [_, _, V, _, _, vbar] = &mut signals.0;
+        self.share(now_ns);
+        let (state, scratch) = (&self.state, &mut self.scratch);
+        let (parameters, signals) = (&state.parameters, &mut scratch.signals);
+        for (quantity, owed) in [Quantity::P, Quantity::Q].into_iter().zip(&state.owed) {
+            for (told, owed) in signals.of_mut(quantity).iter_mut().zip(owed) {
+                *told += owed;
+            }
+        }
+        let [_, _, V, _, _, vbar, _] = &mut signals.0;
         match parameters.voltage_policy {
             VoltagePolicy::Average => estimates(&self.network, &state.transfers, V, vbar),
             VoltagePolicy::Paper => vbar.copy_from_slice(V),
         }
     }
 
+    /// The share of the load, P_i - P_set_i, without the exchange's own moves. P follows P_set late, so that a
+    /// bound on P - P_set would answer every move of P_set with another. So P_set is followed as late as P may
+    /// be: with F how P follows and M how it is followed here, both of first order, (F - M) P_set is what is left
+    /// of the move, which has a gain below 1 whatever their times, and so dies out.
+    fn share(&mut self, now_ns: i64) {
+        let [followed_s, shared_s] = self.share_times_s();
+        let (state, scratch) = (&self.state, &mut self.scratch);
+        if scratch.shares.is_empty() {
+            return;
+        }
+        let elapsed_s = seconds((now_ns - state.clock.sampled_ns).max(0));
+        let first = state.clock.samples == 0;
+        let new = |T_s: f64| if first || T_s == 0.0 { 1.0 } else { -(-elapsed_s / T_s).exp_m1() };
+        let followed = new(followed_s);
+        let shared = new(shared_s);
+        for (i, (&P, &P_set)) in state.inputs.P.iter().zip(&state.outputs.P_set).enumerate() {
+            scratch.followed[i] = state.followed[i] + followed * (P_set - state.followed[i]);
+            let share = P - scratch.followed[i];
+            scratch.shares[i] = state.shares[i] + shared * (share - state.shares[i]);
+        }
+        scratch.signals.of_mut(Quantity::Share).copy_from_slice(&scratch.shares);
+    }
+
+    /// Time constants of P_set as the power follows it, and of the share of the load, s.
+    pub(super) fn share_times_s(&self) -> [f64; 2] {
+        let step_s = seconds(self.state.clock.step_ns);
+        let loop_s = self.state.lags.frequency.loop_steps() * step_s;
+        [FOLLOWING_S.max(loop_s - step_s), self.fixed.filter.P_s.max(SHARE_LOOPS * loop_s)]
+    }
+
     /// A flow law of one quantity for a step of `h_s`, its measurements late by `lag`.
     pub(super) fn flow(&self, gain: f64, lag: &Lag, h_s: f64) -> Flow {
         let parameters = &self.state.parameters;
-        let theta_s = boundary_layer(parameters.discretisation, lag.widening() * h_s, parameters.theta_min);
+        let least_s = self.least_layer(parameters.theta_min, seconds(self.network.longest_delay_ns()));
+        let theta_s = boundary_layer(parameters.discretisation, lag.widening() * h_s, least_s);
         Flow::new(self.power(), gain, theta_s)
+    }
+
+    /// The least boundary layer, s.
+    pub(super) fn least_layer<S: Scalar>(&self, theta_min_s: S, longest_delay_s: S) -> S {
+        match self.state.parameters.voltage_policy {
+            VoltagePolicy::Average => theta_min_s.max(S::constant(DELAY_LAYER) * longest_delay_s),
+            VoltagePolicy::Paper => theta_min_s,
+        }
     }
 
     fn power(&self) -> SignPower {
@@ -119,17 +176,25 @@ impl Controller {
         let [flow_V, flow_Q] =
             [parameters.gain_V, parameters.gain_Q].map(|gain| self.flow(gain, &lags.voltage, h_s));
         let (inputs, outputs) = (&self.state.inputs, &mut self.state.outputs);
-        let view =
-            View { network: &self.network, history: &self.state.history, signals: &self.scratch.signals };
-        let [up_P, down_P, up_Q, down_Q] = &self.scratch.room;
-        let limited = self.fixed.limits.power;
-        let room_P = limited.then_some(Room { up: up_P, down: down_P });
-        let room_Q = limited.then_some(Room { up: up_Q, down: down_Q });
+        let view = View {
+            network: &self.network,
+            history: &self.state.history,
+            signals: &self.scratch.signals,
+            late: Lateness::default(),
+        };
         let dispatch = inputs.dispatch.then_some(inputs.P_ref);
-        active_power(view, &flow_P, dispatch, room_P, &mut outputs.u_P);
-        reactive_power(view, &flow_Q, room_Q, &mut outputs.u_Q);
+        active_power(view, &flow_P, dispatch, &mut outputs.u_P);
+        reactive_power(view, &flow_Q, &mut outputs.u_Q);
+        self.relay(h_s);
+        let (inputs, outputs) = (&self.state.inputs, &mut self.state.outputs);
+        let view = View {
+            network: &self.network,
+            history: &self.state.history,
+            signals: &self.scratch.signals,
+            late: Lateness::default(),
+        };
         frequency(view, &flow_omega, &outputs.u_P, inputs.omega_ref, &mut outputs.u_omega);
-        match parameters.voltage_policy {
+        match self.state.parameters.voltage_policy {
             VoltagePolicy::Paper => voltage(view, &flow_V, &outputs.u_Q, inputs.V_ref, &mut outputs.u_V),
             VoltagePolicy::Average => {
                 average_voltage(view, &flow_V, &outputs.u_Q, inputs.V_ref, &mut outputs.u_V);
@@ -137,66 +202,20 @@ impl Controller {
         }
     }
 
-    /// P and Q of agent `i`, each with its bounds: the powers that the limits are about.
-    fn powers(&self, i: usize) -> [Bounded; 2] {
-        let (signals, parameters, limits) =
-            (&self.scratch.signals, &self.state.parameters, &self.fixed.limits);
-        let P = signals.of(Quantity::P)[i] / parameters.K_P[i] + self.state.outputs.P_set[i];
-        let Q = signals.of(Quantity::Q)[i] / parameters.K_Q[i] + self.state.outputs.Q_set[i];
-        let Q_limit = limits.Q_limit(i, P);
-        [(P, limits.P_range(i, signals.of(Quantity::Soc)[i])), (Q, (-Q_limit, Q_limit))]
-    }
-
-    fn find_room(&mut self) {
-        if !self.fixed.limits.power {
-            return;
-        }
-        for i in 0..self.agents() {
-            let [(P, P_range), (Q, Q_range)] = self.powers(i);
-            let ((up_P, down_P), (up_Q, down_Q)) = (room(P, P_range), room(Q, Q_range));
-            for (k, value) in [up_P, down_P, up_Q, down_Q].into_iter().enumerate() {
-                self.scratch.room[k][i] = value;
-            }
-        }
-    }
-
-    /// Anti-windup, rates and ranges of the live agents' setpoints.
-    fn limit(&mut self, h_s: f64) {
-        for i in 0..self.agents() {
-            if !self.topology.live[i] {
-                continue;
-            }
-            let (parameters, outputs, limits) =
-                (&self.state.parameters, &self.state.outputs, &self.fixed.limits);
-            let (mut u_omega, mut u_V) = (outputs.u_omega[i], outputs.u_V[i]);
-            if limits.power {
-                let [(P, P_range), (Q, Q_range)] = self.powers(i);
-                u_omega = hold_back(u_omega, P, P_range, parameters.K_P[i], h_s);
-                u_V = hold_back(u_V, Q, Q_range, parameters.K_Q[i], h_s);
-            }
-            let (rate, range) = (limits.omega_set_rate[i], limits.omega_set_range);
-            u_omega = restrict(u_omega, rate, outputs.omega_set[i], range, h_s);
-            let (rate, range) = (limits.V_set_rate[i], limits.V_set_range);
-            u_V = restrict(u_V, rate, outputs.V_set[i], range, h_s);
-            let closed = self.scratch.room.iter().any(|room| room[i] == 0.0);
-            let outputs = &mut self.state.outputs;
-            outputs.saturated[i] = u_omega != outputs.u_omega[i] || u_V != outputs.u_V[i] || closed;
-            (outputs.u_omega[i], outputs.u_V[i]) = (u_omega, u_V);
-        }
-    }
-
     /// (11): the flows and P_set that a step of `h_s` would set, and u_E.
-    fn exchange(&mut self, h_s: f64) {
+    fn exchange(&mut self, h_ns: i64) {
         let parameters = &self.state.parameters;
         // theta_E is part of the exchange, not of its sampling: the bare law keeps it.
         let theta_s = match parameters.discretisation {
-            Discretisation::Capped => (self.state.lags.frequency.loop_steps() * h_s).max(parameters.theta_E),
+            Discretisation::Capped => {
+                (self.state.lags.frequency.loop_steps() * seconds(h_ns)).max(parameters.theta_E)
+            }
             Discretisation::Explicit => parameters.theta_E,
         };
         let mut flows = std::mem::take(&mut self.scratch.flows);
         let mut saturated = std::mem::take(&mut self.state.outputs.saturated);
         let mut P_set = std::mem::take(&mut self.scratch.P_set);
-        self.exchange_of(self.power(), theta_s, h_s).flows(
+        self.exchange_of(self.power(), theta_s, h_ns).flows(
             &self.network,
             &self.state.history,
             &self.scratch.signals,
@@ -204,13 +223,24 @@ impl Controller {
             &mut flows,
             &mut saturated,
         );
+        // Who is not live holds its P_set, unless what it holds fades.
         let live = &self.topology.live;
-        setpoints(&self.network, &flows, &self.state.held, |i| live[i], &mut P_set);
+        let written = |i: usize| live[i] || self.fixed.lost_link_fade_s.is_some();
+        let carries = |link: &HeldLink| self.carries(link, h_ns);
+        setpoints(&self.network, &flows, &self.state.held, carries, written, &mut P_set);
         energy(&P_set, &self.state.parameters.capacity, &mut self.state.outputs.u_E);
         for (u, _) in self.state.outputs.u_E.iter_mut().zip(live).filter(|(_, live)| !**live) {
             *u = 0.0;
         }
         (self.scratch.flows, self.state.outputs.saturated, self.scratch.P_set) = (flows, saturated, P_set);
+    }
+
+    /// What an ended link carries after a step of `h_ns`, pu.
+    pub(super) fn carries(&self, link: &HeldLink, h_ns: i64) -> f64 {
+        if link.is_between_live(&self.topology.live) {
+            return link.flow * (1.0 - self.fade(h_ns));
+        }
+        self.fixed.lost_link_fade_s.map_or(link.flow, |fade_s| link.flow * (-seconds(h_ns) / fade_s).exp())
     }
 
     /// Spreads, errors and certified times, from the present signals.
@@ -219,8 +249,16 @@ impl Controller {
         let (signals, inputs) = (&self.scratch.signals, &self.state.inputs);
         let of_available =
             |q: Quantity| signals.of(q).iter().zip(available).filter(|(_, a)| **a).map(|(&x, _)| x);
+        let owed = |k: usize, i: usize| self.state.owed[k].get(i).copied().unwrap_or(0.0);
+        let own = |q: Quantity, i: usize| match q {
+            Quantity::P => signals.of(q)[i] - owed(0, i),
+            Quantity::Q => signals.of(q)[i] - owed(1, i),
+            _ => signals.of(q)[i],
+        };
         let spread = |q: Quantity| {
-            let (low, high) = of_available(q)
+            let (low, high) = (0..available.len())
+                .filter(|&i| available[i])
+                .map(|i| own(q, i))
                 .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (x.min(low), x.max(high)));
             if low <= high { high - low } else { 0.0 }
         };

@@ -1,10 +1,11 @@
 //! (11) as a physical action: power over the edges from the fuller battery to the emptier one, edge by
-//! edge equal and opposite, so that sum P_set = 0 whatever limits. Also the links that were lost.
+//! edge equal and opposite, so that sum P_set = 0 whatever limits. Also the links that ended.
 
 use super::delay::{History, Quantity, Signals};
 use super::discretisation::SignPower;
 use super::limits::LimitTable;
-use super::network::Network;
+use super::network::{Lateness, Network};
+use super::scalar::Scalar;
 use serde::{Deserialize, Serialize};
 
 /// Seconds per hour: energy is counted in pu*h.
@@ -12,28 +13,30 @@ const SECONDS_PER_HOUR: f64 = 3600.0;
 
 /// What one evaluation of the exchange needs to know besides the state.
 #[derive(Clone, Copy)]
-pub struct Exchange<'a> {
+pub struct Exchange<'a, S = f64> {
     /// s of the law.
-    pub power: SignPower,
+    pub power: SignPower<S>,
     /// g_E.
-    pub gain: f64,
+    pub gain: S,
     /// max(h, theta_E), s; zero is the bare law.
-    pub theta_s: f64,
+    pub theta_s: S,
     /// Step, s, for the ramps.
     pub h_s: f64,
     /// C_i, pu*h.
     pub capacity: &'a [f64],
     /// P_exchange_max_i, pu.
     pub P_max: &'a [f64],
-    /// K_P_i, which turns p_i back into a power.
-    pub K_P: &'a [f64],
+    /// Share of the step's law in the flows, the rest being those of the last step: 1 but while they fade.
+    pub fade: f64,
     /// Limits of the BESS.
     pub limits: &'a LimitTable,
     /// Whether discharging must not become charging, nor charging discharging.
     pub no_circulation: bool,
+    /// 0, but in a derivative.
+    pub late: Lateness<S>,
 }
 
-impl Exchange<'_> {
+impl<S: Scalar> Exchange<'_, S> {
     /// f_ij = sgn(d) min(3600 g_E w_ij s(d), 3600 min(C_i, C_j) abs(d) / (theta (1 + max(deg_i, deg_j)))),
     /// d = SoC_i - SoC_j, pu, limited to min(P_exchange_max_i / deg_i, P_exchange_max_j / deg_j), both ends
     /// at t - tau, with theta = max(h, theta_E, 2 tau). `flows` holds those of the last step and becomes
@@ -42,78 +45,101 @@ impl Exchange<'_> {
         &self,
         network: &Network,
         history: &History,
-        signals: &Signals,
+        signals: &Signals<S>,
         last: &[f64],
-        flows: &mut [f64],
+        flows: &mut [S],
         limited: &mut [bool],
     ) {
+        let c = S::constant;
+        let past = (history, self.late);
         for (e, edge) in network.graph.edges().iter().enumerate() {
             let (a, b) = edge.ends();
-            let (soc_a, soc_b) = network.agreed(e, history, Quantity::Soc, signals.of(Quantity::Soc));
-            let (p_a, p_b) = network.agreed(e, history, Quantity::P, signals.of(Quantity::P));
+            let (soc_a, soc_b) = network.agreed_late(e, past, Quantity::Soc, signals.of(Quantity::Soc));
+            let (P_a, P_b) = network.agreed_late(e, past, Quantity::Share, signals.of(Quantity::Share));
             let d = soc_a - soc_b;
             let peers = |i: usize| f64::from(network.graph.peers(i));
             let m = d.abs();
-            let law = SECONDS_PER_HOUR * self.gain * edge.weight * self.power.magnitude(m);
-            let theta =
-                if self.theta_s > 0.0 { self.theta_s.max(2e-9 * network.delays_ns[e] as f64) } else { 0.0 };
+            let law = c(SECONDS_PER_HOUR) * self.gain * c(edge.weight) * self.power.magnitude(m);
+            let theta = if self.theta_s.value() > 0.0 {
+                let longer = if edge.delay_ns.is_some() { c(0.0) } else { c(2.0) * self.late.delay };
+                self.theta_s.max(c(2e-9 * network.delays_ns[e] as f64) + longer)
+            } else {
+                c(0.0)
+            };
             let least = self.capacity[a].min(self.capacity[b]);
-            let cap = SECONDS_PER_HOUR * least * m / (theta * (1.0 + peers(a).max(peers(b))));
-            let wanted = if d == 0.0 { 0.0 } else { law.min(cap) };
+            let cap = c(SECONDS_PER_HOUR * least) * m / (theta * c(1.0 + peers(a).max(peers(b))));
+            let wanted = if d.value() == 0.0 {
+                d.through_zero(|| {
+                    let law = SECONDS_PER_HOUR * self.gain.value() * edge.weight;
+                    let law = if law == 0.0 { 0.0 } else { law * self.power.slope_at_zero() };
+                    let cap = SECONDS_PER_HOUR * least / (theta.value() * (1.0 + peers(a).max(peers(b))));
+                    if law.min(cap).is_finite() { law.min(cap) } else { 0.0 }
+                })
+            } else {
+                law.min(cap)
+            };
             // The fuller end gives, the emptier takes.
-            let ((giver, p_giver, soc_giver), (taker, p_taker, soc_taker)) =
-                if d > 0.0 { ((a, p_a, soc_a), (b, p_b, soc_b)) } else { ((b, p_b, soc_b), (a, p_a, soc_a)) };
-            let give = self.most(giver, p_giver / self.K_P[giver], soc_giver, 1.0) / peers(giver);
-            let take = self.most(taker, p_taker / self.K_P[taker], soc_taker, -1.0) / peers(taker);
-            limited[giver] |= wanted > give;
-            limited[taker] |= wanted > take;
+            let ((giver, P_giver, soc_giver), (taker, P_taker, soc_taker)) = if d.value() > 0.0 {
+                ((a, P_a, soc_a), (b, P_b, soc_b))
+            } else {
+                ((b, P_b, soc_b), (a, P_a, soc_a))
+            };
+            let give = self.most(giver, P_giver, soc_giver, 1.0) / c(peers(giver));
+            let take = self.most(taker, P_taker, soc_taker, -1.0) / c(peers(taker));
+            limited[giver] |= wanted.value() > give.value();
+            limited[taker] |= wanted.value() > take.value();
             let flow = wanted.min(give).min(take).copysign(d);
             let rate = (self.limits.P_set_rate[a] / peers(a)).min(self.limits.P_set_rate[b] / peers(b));
+            let flow = if self.fade < 1.0 { c(last[e]) + c(self.fade) * (flow - c(last[e])) } else { flow };
             let step = rate * self.h_s;
-            flows[e] = if step.is_finite() { flow.min(last[e] + step).max(last[e] - step) } else { flow };
+            flows[e] =
+                if step.is_finite() { flow.min(c(last[e] + step)).max(c(last[e] - step)) } else { flow };
         }
     }
 
     /// The most that agent `i` may give (`sign` 1) or take (-1), pu, beside its share `P` of the load.
-    fn most(&self, i: usize, P: f64, soc: f64, sign: f64) -> f64 {
-        let mut most = self.P_max[i];
+    fn most(&self, i: usize, P: S, soc: S, sign: f64) -> S {
+        let mut most = S::constant(self.P_max[i]);
         if self.limits.power {
             let (low, high) = self.limits.P_range(i, soc);
-            most = most.min(if sign > 0.0 { high - P } else { P - low }).max(0.0);
+            most = most.min(if sign > 0.0 { high - P } else { P - low }).max(S::constant(0.0));
         }
-        if self.no_circulation && P * sign < 0.0 {
+        if self.no_circulation && P.value() * sign < 0.0 {
             most = most.min(P.abs());
         }
         most
     }
 }
 
-/// P_set_i = sum_j f_ij + what lost links still carry, pu, for the agents for which `write` holds.
-pub fn setpoints(
+/// P_set_i = sum_j f_ij + what ended links still carry, pu, for the agents for which `write` holds; `carries`
+/// gives what one of them does.
+pub fn setpoints<S: Scalar>(
     network: &Network,
-    flows: &[f64],
+    flows: &[S],
     held: &[HeldLink],
+    carries: impl Fn(&HeldLink) -> f64,
     write: impl Fn(usize) -> bool,
-    P_set: &mut [f64],
+    P_set: &mut [S],
 ) {
     for (i, P) in P_set.iter_mut().enumerate() {
         if write(i) {
-            *P = 0.0;
+            *P = S::constant(0.0);
         }
     }
     let edges = network.graph.edges().iter().zip(flows).map(|(edge, &f)| (edge.ends(), f));
-    let held = held.iter().map(|link| ((link.a as usize, link.b as usize), link.flow));
+    let held = held.iter().map(|link| ((link.a as usize, link.b as usize), S::constant(carries(link))));
     for ((a, b), f) in edges.chain(held) {
         for (i, f) in [(a, f), (b, -f)] {
             if write(i) {
-                P_set[i] += f;
+                P_set[i] = P_set[i] + f;
             }
         }
     }
 }
 
-/// A link that was lost with an agent. Both ends keep its last flow, because an exchange needs two: the
-/// lost agent holds its P_set, the sum stays 0 and nothing jumps. When both are back, the law takes over.
+/// A link that ended while it carried an exchange. Where it was lost with an agent, both ends keep its last
+/// flow, because an exchange needs two: the lost agent holds its P_set, the sum stays 0 and nothing jumps.
+/// Where both ends are there but no longer linked, the flow fades.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeldLink {
     /// The lower end, from 0.
@@ -122,6 +148,13 @@ pub struct HeldLink {
     pub b: u32,
     /// Power from `a` to `b`, pu.
     pub flow: f64,
+}
+
+impl HeldLink {
+    /// Whether both ends are live.
+    pub fn is_between_live(&self, live: &[bool]) -> bool {
+        live[self.a as usize] && live[self.b as usize]
+    }
 }
 
 /// Carries values that belong to the edges of one graph over to another: edges in both keep theirs, new
@@ -140,14 +173,24 @@ pub fn carry_over<T: Copy>(from: &Network, to: &Network, per_edge: usize, values
     carried
 }
 
-/// Brings the held links in line with who is live now: links between two live agents are released, flows
-/// of edges that ended with an agent's leaving are taken up.
-pub fn hold(held: &mut Vec<HeldLink>, before: &Network, flows: &[f64], live: &[bool]) {
-    let lost = |a: u32, b: u32| !live[a as usize] || !live[b as usize];
-    held.retain(|link| lost(link.a, link.b));
+/// The flows over the edges of `now` that go on from those over `before` without a jump: edges in both keep
+/// theirs, ended ones are held, held ones that are back start with what was held.
+pub fn hand_over(held: &mut Vec<HeldLink>, before: &Network, now: &Network, flows: &[f64]) -> Vec<f64> {
+    let mut carried = match carry_over(before, now, 1, flows, 0.0) {
+        kept if kept.is_empty() => vec![0.0; now.graph.edges().len()],
+        kept => kept,
+    };
+    held.retain(|link| match now.graph.find(link.a, link.b) {
+        Some(edge) => {
+            carried[edge] += link.flow;
+            false
+        }
+        None => true,
+    });
     for (edge, &flow) in before.graph.edges().iter().zip(flows) {
-        if lost(edge.a, edge.b) && flow != 0.0 {
+        if flow != 0.0 && now.graph.find(edge.a, edge.b).is_none() {
             held.push(HeldLink { a: edge.a, b: edge.b, flow });
         }
     }
+    carried
 }

@@ -76,7 +76,12 @@ impl Lag {
     /// What agent `i`'s measured omega_i (V_i) does not show yet, pu: the moves of its own setpoint since, `sigma`
     /// being the present one. 0 where (3) does not explain the measurements.
     pub fn unseen(&self, i: usize, sigma: f64) -> f64 {
-        if self.steps == 0 || !self.explains() { 0.0 } else { sigma - self.past[self.steps - 1][i] }
+        if self.adds_unseen() { sigma - self.past[self.steps - 1][i] } else { 0.0 }
+    }
+
+    /// Whether [`Self::unseen`] moves with one's own setpoint.
+    pub fn adds_unseen(&self) -> bool {
+        self.steps > 0 && self.explains()
     }
 
     /// How many steps the boundary layer spans, theta = max(widening h, theta_min): 1 where what is still to come

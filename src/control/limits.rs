@@ -2,9 +2,14 @@
 //! Turns limits into bounds on rates and flows; decides nothing else. Without limits all is infinite.
 
 use super::config::{Limits, SocLimits};
+use super::scalar::Scalar;
 
-/// Time in which a power beyond its limit is brought back, s (or one step, if that is longer).
-const RECOVERY_S: f64 = 1.0;
+/// Time constant with which a power beyond its limit is brought back, s: long beside a power filter and
+/// an inverter's angle (0.2 s together), so that no loop through them rings.
+const RECOVERY_S: f64 = 0.5;
+/// The same in steps until an action shows, where those are longer: the neighbours, who answer with the same
+/// steps, need a few.
+const RECOVERY_LOOPS: f64 = 5.0;
 /// Width of the band below a power limit in which an agent's part in the sharing falls to zero,
 /// as a share of the limit.
 const BAND: f64 = 0.05;
@@ -50,50 +55,58 @@ impl LimitTable {
 
     /// Least and largest power of agent `i` at this state of charge, pu: the smaller of P_max and S_max,
     /// tapered to zero towards an empty (discharging) and a full (charging) battery.
-    pub fn P_range(&self, i: usize, soc: f64) -> (f64, f64) {
-        let P_max = self.P_max[i].min(self.S_max[i]);
+    pub fn P_range<S: Scalar>(&self, i: usize, soc: S) -> (S, S) {
+        let c = S::constant;
+        let P_max = c(self.P_max[i].min(self.S_max[i]));
         let Some(window) = self.soc else { return (-P_max, P_max) };
-        let discharge = ((soc - window.min) / window.taper).clamp(0.0, 1.0);
-        let charge = ((window.max - soc) / window.taper).clamp(0.0, 1.0);
+        let discharge = ((soc - c(window.min)) / c(window.taper)).clamp_to_unit();
+        let charge = ((c(window.max) - soc) / c(window.taper)).clamp_to_unit();
         (-P_max * charge, P_max * discharge)
     }
 
     /// Largest abs(Q) of agent `i` beside the active power `P`, pu: active power has priority.
-    pub fn Q_limit(&self, i: usize, P: f64) -> f64 {
-        let left = (self.S_max[i] * self.S_max[i] - P * P).max(0.0).sqrt();
-        self.Q_max[i].min(left)
+    pub fn Q_limit<S: Scalar>(&self, i: usize, P: S) -> S {
+        let c = S::constant;
+        let left = (c(self.S_max[i] * self.S_max[i]) - P * P).max(c(0.0)).sqrt();
+        c(self.Q_max[i]).min(left)
     }
 }
 
 /// How far a power is from its bounds: (room to rise, room to fall), each from 1 to 0 over the band.
-pub fn room(x: f64, (low, high): (f64, f64)) -> (f64, f64) {
-    let side = |gap: f64, bound: f64| {
-        if bound.is_infinite() {
-            1.0
+pub fn room<S: Scalar>(x: S, (low, high): (S, S)) -> (S, S) {
+    let c = S::constant;
+    let side = |gap: S, bound: S| {
+        if bound.value().is_infinite() {
+            c(1.0)
         } else {
             // A bound of zero has no band to speak of: one side of it is free, the other closed.
-            (gap / (BAND * bound.abs()).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
+            (gap / (c(BAND) * bound.abs()).max(c(f64::MIN_POSITIVE))).clamp_to_unit()
         }
     };
     (side(high - x, high), side(x - low, low))
 }
 
+/// Time constant with which a power beyond its limit is brought back, s, when an action shows after `loop_s`.
+pub fn recovery(loop_s: f64) -> f64 {
+    (RECOVERY_LOOPS * loop_s).max(RECOVERY_S)
+}
+
 /// Keeps the rate `u` of a setpoint such that the power `x` it drives comes back inside its bounds and
-/// does not leave them: anti-windup, because the setpoint stops where the power stops. `droop` is the
-/// setpoint's change per power, `h_s` the step.
-pub fn hold_back(u: f64, x: f64, (low, high): (f64, f64), droop: f64, h_s: f64) -> f64 {
-    let per_s = droop / h_s.max(RECOVERY_S);
+/// does not leave them: anti-windup, because the setpoint stops where the power stops. `per_s` is the rate per
+/// power beyond the bound, pu/s per pu: the setpoint's change per power over the time constant.
+pub fn hold_back<S: Scalar>(u: S, x: S, (low, high): (S, S), per_s: S) -> S {
     // One after the other, since a clamp would panic on bounds that rounding puts in the wrong order.
     u.min((high - x) * per_s).max((low - x) * per_s)
 }
 
 /// Keeps the rate `u` within `rate`, and the setpoint within `range` at the end of the step.
-pub fn restrict(u: f64, rate: f64, setpoint: f64, [low, high]: [f64; 2], h_s: f64) -> f64 {
-    let u = u.min(rate).max(-rate);
+pub fn restrict<S: Scalar>(u: S, rate: f64, setpoint: S, [low, high]: [f64; 2], h_s: f64) -> S {
+    let c = S::constant;
+    let u = u.min(c(rate)).max(c(-rate));
     if h_s <= 0.0 {
         return u;
     }
-    u.min((high - setpoint) / h_s).max((low - setpoint) / h_s)
+    u.min((c(high) - setpoint) / c(h_s)).max((c(low) - setpoint) / c(h_s))
 }
 
 #[cfg(test)]
@@ -126,11 +139,11 @@ mod tests {
 
     #[test]
     fn a_power_beyond_its_limit_is_driven_back_and_one_at_its_limit_stays() {
-        assert_eq!(hold_back(1.0, 2.0, (-2.0, 2.0), 0.5, 0.1), 0.0);
-        assert_eq!(hold_back(1.0, 2.2, (-2.0, 2.0), 0.5, 0.1), (2.0 - 2.2) * 0.5);
-        assert_eq!(hold_back(-1.0, 1.9, (-2.0, 2.0), 0.5, 0.1), -1.0);
+        assert_eq!(hold_back(1.0, 2.0, (-2.0, 2.0), 0.5), 0.0);
+        assert_eq!(hold_back(1.0, 2.2, (-2.0, 2.0), 0.5), (2.0 - 2.2) * 0.5);
+        assert_eq!(hold_back(-1.0, 1.9, (-2.0, 2.0), 0.5), -1.0);
         let free = (f64::NEG_INFINITY, f64::INFINITY);
-        assert_eq!(hold_back(-7.0, 1.9, free, 0.5, 0.1), -7.0);
+        assert_eq!(hold_back(-7.0, 1.9, free, 0.5), -7.0);
         let (up, down) = room(1.95, (-2.0, 2.0));
         assert!((up - 0.5).abs() < 1e-12 && down == 1.0);
     }

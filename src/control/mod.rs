@@ -9,14 +9,17 @@
 //! | `config`, `communication`, `validate`, `error` | what a controller is made from, and what is wrong with it |
 //! | `graph`, `clustering`, `topology`, `network` | who talks to whom, from distances to the hot path's arrays |
 //! | `protocol`, `discretisation`, `exchange`, `estimator` | the laws (9)-(13), one function per equation |
-//! | `delay`, `lag`, `limits` | what agents know of each other, how late that is, what they can do |
+//! | `delay`, `lag` | what agents know of each other, how late that is |
+//! | `limits`, `authority`, `relay`, `saturation` | what they can do, and what becomes of what they cannot |
 //! | `certificates`, `spectrum` | how long it takes |
+//! | `scalar`, `tangent`, `tangent_limits`, `tangent_diagnostics` | the laws in dual numbers: what the outputs do along a direction |
 //! | `controller`, `adopt`, `evaluate`, `step`, `state`, `io`, `event` | the controller around them |
 #![forbid(unsafe_code)]
 // The paper's letters (K_P, P_set, u_P) are the names that users know from its equations.
 #![allow(non_snake_case)]
 
 mod adopt;
+pub mod authority;
 pub mod certificates;
 pub mod clustering;
 pub mod communication;
@@ -35,9 +38,15 @@ pub mod lag;
 pub mod limits;
 pub mod network;
 pub mod protocol;
+pub mod relay;
+mod saturation;
+pub mod scalar;
 pub mod spectrum;
 mod state;
 mod step;
+pub mod tangent;
+mod tangent_diagnostics;
+mod tangent_limits;
 mod time;
 pub mod topology;
 mod validate;

@@ -4,7 +4,8 @@
 use super::config::Channel;
 use super::delay::{Bracket, History, Quantity};
 use super::discretisation::Flow;
-use super::graph::Graph;
+use super::graph::{Edge, Graph};
+use super::scalar::Scalar;
 
 /// A pin to the virtual leader.
 #[derive(Clone, Copy, Debug)]
@@ -15,6 +16,10 @@ pub struct Pin {
     pub weight: f64,
     /// 1 / (1 + deg_i).
     pub share: f64,
+    /// The longest delay of the agent's own links, ns.
+    pub delay_ns: i64,
+    /// Whether that link has no delay of its own.
+    pub follows_common: bool,
 }
 
 /// The graph in force, prepared.
@@ -26,12 +31,28 @@ pub struct Network {
     pub pins: Vec<Pin>,
     /// 1 / (1 + max(deg_i, deg_j)) of each edge.
     pub shares: Vec<f64>,
+    /// 1 / (1/2 + max(peers_i, peers_j)) of each edge: the shares of `estimator` where messages take time.
+    pub round_shares: Vec<f64>,
     /// tau of each edge, ns.
     pub delays_ns: Vec<i64>,
+    longest_delay_ns: i64,
+    longest_follows_common: bool,
     /// For each edge, when what `a` knows of `b`, and `b` of `a`, was true. Empty while all is present.
     known: Vec<[Bracket; 2]>,
     /// The same at both ends: the older of the two.
-    agreed: Vec<Bracket>,
+    agreed: Vec<Agreed>,
+}
+
+/// What the two ends of an edge both know of each other.
+#[derive(Clone, Copy, Debug)]
+struct Agreed {
+    at: Bracket,
+    /// Age of it, ns.
+    age_ns: i64,
+}
+
+impl Agreed {
+    const NOW: Self = Self { at: Bracket::NOW, age_ns: 0 };
 }
 
 /// Which end of an edge listens.
@@ -44,10 +65,28 @@ impl Network {
         let shares =
             graph.edges().iter().map(|e| share(graph.degree(e.a as usize).max(graph.degree(e.b as usize))));
         let pins = graph.pins().iter().enumerate().filter(|&(_, &weight)| weight > 0.0);
-        let pins = pins.map(|(agent, &weight)| Pin { agent, weight, share: share(graph.degree(agent)) });
+        let pins = pins.map(|(agent, &weight)| Pin {
+            agent,
+            weight,
+            share: share(graph.degree(agent)),
+            delay_ns: 0,
+            follows_common: false,
+        });
+        let peers = |e: &Edge| f64::from(graph.peers(e.a as usize).max(graph.peers(e.b as usize)));
+        let round_shares = graph.edges().iter().map(|e| 1.0 / (0.5 + peers(e))).collect();
         let (shares, pins) = (shares.collect(), pins.collect());
         let delays_ns = vec![0; graph.edges().len()];
-        Self { graph, pins, shares, delays_ns, known: Vec::new(), agreed: Vec::new() }
+        Self {
+            graph,
+            pins,
+            shares,
+            round_shares,
+            delays_ns,
+            longest_delay_ns: 0,
+            longest_follows_common: false,
+            known: Vec::new(),
+            agreed: Vec::new(),
+        }
     }
 
     /// Sets the delay of the edges that have none of their own, and makes room for what they need.
@@ -55,14 +94,30 @@ impl Network {
         for (delay, edge) in self.delays_ns.iter_mut().zip(self.graph.edges()) {
             *delay = edge.delay_ns.unwrap_or(common_ns);
         }
+        let delays = self.delays_ns.iter().zip(self.graph.edges());
+        let longest = delays.max_by_key(|(delay, _)| **delay);
+        self.longest_delay_ns = longest.map_or(0, |(&delay, _)| delay);
+        self.longest_follows_common = longest.is_some_and(|(_, edge)| edge.delay_ns.is_none());
+        for pin in &mut self.pins {
+            let own = self.delays_ns.iter().zip(self.graph.edges());
+            let own = own.filter(|(_, edge)| edge.a as usize == pin.agent || edge.b as usize == pin.agent);
+            let longest = own.max_by_key(|(delay, _)| **delay);
+            pin.delay_ns = longest.map_or(0, |(&delay, _)| delay);
+            pin.follows_common = longest.is_some_and(|(_, edge)| edge.delay_ns.is_none());
+        }
         let edges = if self.longest_delay_ns() > 0 || channel.is_lossy() { self.delays_ns.len() } else { 0 };
         self.known = vec![[Bracket::NOW; 2]; edges];
-        self.agreed = vec![Bracket::NOW; edges];
+        self.agreed = vec![Agreed::NOW; edges];
     }
 
     /// The longest delay, ns.
     pub fn longest_delay_ns(&self) -> i64 {
-        self.delays_ns.iter().copied().max().unwrap_or(0)
+        self.longest_delay_ns
+    }
+
+    /// Whether that is an edge without a delay of its own.
+    pub fn longest_follows_common(&self) -> bool {
+        self.longest_follows_common
     }
 
     /// Finds out what the agents know of each other at `now_ns`, sample number `sample`. With a lossy
@@ -86,67 +141,116 @@ impl Network {
                 }
             }
             self.known[e] = times.map(|t| history.bracket(now_ns, t));
-            self.agreed[e] = history.bracket(now_ns, times[0].min(times[1]));
+            for end in ENDS {
+                // A message that was not overtaken stays what it was, however long the delay.
+                if channel.is_lossy() && times[end] == last_ns[2 * e + end] {
+                    self.known[e][end] = self.known[e][end].fixed();
+                }
+            }
+            let older = usize::from(times[1] < times[0]);
+            let age_ns = now_ns.saturating_sub(times[older]).max(0);
+            self.agreed[e] = Agreed { at: self.known[e][older], age_ns };
         }
     }
 
     /// out_i -= sum_j f(x_i - x_j): the sum of all protocols. The neighbour's value is delayed, one's own
     /// is not (34). An edge on which nothing is delayed is visited once: f_ij = -f_ji to the last bit.
-    pub fn diffuse(
+    pub fn diffuse<S: Scalar>(
         &self,
-        history: &History,
-        (quantity, x): (Quantity, &[f64]),
-        flow: &Flow,
-        room: Option<Room<'_>>,
-        out: &mut [f64],
+        (history, late): (&History, Lateness<S>),
+        (quantity, x): (Quantity, &[S]),
+        flow: &Flow<S>,
+        out: &mut [S],
     ) {
         for (e, edge) in self.graph.edges().iter().enumerate() {
             let (a, b) = edge.ends();
             let known = self.known.get(e).copied().unwrap_or([Bracket::NOW; 2]);
-            let along = |d: f64| {
-                let f = flow.along(edge.weight, d, self.shares[e]);
-                room.map_or(f, |room| f * room.along(a, b, f))
-            };
+            let late = late.of(edge.delay_ns);
+            let along = |d: S| flow.along(edge.weight, d, self.shares[e]);
             if known == [Bracket::NOW; 2] {
                 let f = along(x[a] - x[b]);
-                out[a] -= f;
-                out[b] += f;
+                out[a] = out[a] - f;
+                out[b] = out[b] + f;
             } else {
-                out[a] -= along(x[a] - history.value(known[0], quantity, b, x));
-                out[b] += along(history.value(known[1], quantity, a, x) - x[b]);
+                let of = |end: usize, i: usize| history.value_late(known[end], quantity, i, x, late);
+                out[a] = out[a] - along(x[a] - of(0, b));
+                out[b] = out[b] + along(of(1, a) - x[b]);
             }
         }
     }
 
     /// out_i -= a_0i s(x_i - reference) at the pinned agents, capped alike.
-    pub fn pull(&self, x: &[f64], reference: f64, flow: &Flow, out: &mut [f64]) {
+    pub fn pull<S: Scalar>(&self, x: &[S], reference: S, flow: &Flow<S>, out: &mut [S]) {
         for pin in &self.pins {
-            out[pin.agent] -= flow.along(pin.weight, x[pin.agent] - reference, pin.share);
+            let f = flow.along(pin.weight, x[pin.agent] - reference, pin.share);
+            out[pin.agent] = out[pin.agent] - f;
+        }
+    }
+
+    /// The same with no pull faster than one gap in the time of the agent's slowest link.
+    pub fn pull_by_rounds<S: Scalar>(
+        &self,
+        x: &[S],
+        (reference, late): (S, Lateness<S>),
+        flow: &Flow<S>,
+        out: &mut [S],
+    ) {
+        let c = S::constant;
+        for pin in &self.pins {
+            let longer = if pin.follows_common { c(1e9) * late.delay } else { c(0.0) };
+            // At no delay this is infinite and leaves theta alone.
+            let round = c(1e9) / (c(pin.share) * (c(pin.delay_ns as f64) + longer));
+            let flow = Flow { inverse_theta: flow.inverse_theta.min(round), ..*flow };
+            let f = flow.along(pin.weight, x[pin.agent] - reference, pin.share);
+            out[pin.agent] = out[pin.agent] - f;
         }
     }
 
     /// The values at the two ends of edge `e` at the time that both know of: the differences of a
     /// physical exchange must be the same at both ends.
     pub fn agreed(&self, e: usize, history: &History, quantity: Quantity, x: &[f64]) -> (f64, f64) {
-        let (a, b) = self.graph.edges()[e].ends();
+        self.agreed_late(e, (history, Lateness::default()), quantity, x)
+    }
+
+    /// The same a little later or earlier.
+    pub fn agreed_late<S: Scalar>(
+        &self,
+        e: usize,
+        (history, late): (&History, Lateness<S>),
+        quantity: Quantity,
+        x: &[S],
+    ) -> (S, S) {
+        let edge = self.graph.edges()[e];
+        let (a, b) = edge.ends();
+        let late = late.of(edge.delay_ns);
+        let of = |at: Bracket, i: usize| history.value_late(at, quantity, i, x, late);
         match self.agreed.get(e) {
             None => (x[a], x[b]),
-            Some(&at) => (history.value(at, quantity, a, x), history.value(at, quantity, b, x)),
+            Some(&Agreed { at, .. }) => (of(at, a), of(at, b)),
+        }
+    }
+
+    /// The transfer of edge `e` at that time, and the age of it, ns.
+    pub fn agreed_transfer(&self, e: usize, history: &History, present: &[f64]) -> (f64, i64) {
+        match self.agreed.get(e) {
+            None => (present[e], 0),
+            Some(&Agreed { at, age_ns }) => (history.transfer(at, e, present), age_ns),
         }
     }
 }
 
-/// How much of a flow each agent may still take part in, from 1 (free) to 0 (at its limit).
-#[derive(Clone, Copy, Debug)]
-pub struct Room<'a> {
-    /// Room to rise, by agent.
-    pub up: &'a [f64],
-    /// Room to fall, by agent.
-    pub down: &'a [f64],
+/// By how much messages are later than the network knows, s: 0, but in a derivative along a delay or time.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Lateness<S = f64> {
+    /// By which all points in the past are earlier.
+    pub past: S,
+    /// By which the delay of edges without one of their own is longer.
+    pub delay: S,
 }
 
-impl Room<'_> {
-    fn along(&self, a: usize, b: usize, f: f64) -> f64 {
-        if f > 0.0 { self.down[a].min(self.up[b]) } else { self.up[a].min(self.down[b]) }
+impl<S: Scalar> Lateness<S> {
+    /// On an edge with this delay of its own.
+    fn of(&self, delay_ns: Option<i64>) -> S {
+        if delay_ns.is_some() { self.past } else { self.past + self.delay }
     }
 }

@@ -3,6 +3,7 @@
 //! iteration with conjugate gradients on the edges, and where that takes too long a guaranteed lower bound.
 
 use super::graph::Graph;
+use super::scalar::{Dual, Scalar};
 use nalgebra::DMatrix;
 
 /// Up to so many agents the eigenvalues are those of the dense matrix.
@@ -57,12 +58,44 @@ pub fn smallest(graph: &Graph, live: &[bool], gain: f64, exponent: f64, pinned: 
         return exact(laplacian.dense());
     }
     match laplacian.iterative() {
-        Some(value) => Eigenvalue { value, method: Method::Iterative },
+        Some((value, _)) => Eigenvalue { value, method: Method::Iterative },
         None => Eigenvalue { value: laplacian.bound(), method: Method::Bound },
     }
 }
 
+/// d [`smallest`] along the gain and the exponent, which change at the rates `d_gain` and `d_exponent`: the
+/// quadratic form of the weights' rates in the eigenvector. Where the eigenvalue is multiple, that of one of its
+/// eigenvectors; where only a bound is known, the rate of the bound.
+pub fn slope(
+    graph: &Graph,
+    live: &[bool],
+    (gain, d_gain): (f64, f64),
+    (exponent, d_exponent): (f64, f64),
+    pinned: bool,
+) -> f64 {
+    let found = smallest(graph, live, gain, exponent, pinned);
+    if found.value == 0.0 {
+        return 0.0;
+    }
+    // d w^e for the weight w^e = (g a)^e: e dg / g + ln(g a) de, times w^e.
+    let relative = |w: f64| exponent * d_gain / gain + w.ln() / exponent * d_exponent;
+    let laplacian = Laplacian::new(graph, live, gain, exponent, pinned);
+    match found.method {
+        Method::Dense => laplacian.rate(&laplacian.dense_vector(), relative),
+        Method::Iterative => laplacian.iterative().map_or(0.0, |(_, x)| laplacian.rate(&x, relative)),
+        Method::Bound => laplacian.bound_of(|w| (w, w * relative(w))).tangent,
+    }
+}
+
 impl Laplacian {
+    /// sum over edges dw_ij (x_i - x_j)^2 + sum over pins da_i x_i^2.
+    fn rate(&self, x: &[f64], relative: impl Fn(f64) -> f64) -> f64 {
+        let edges =
+            self.edges.iter().map(|&(a, b, w)| w * relative(w) * (x[a as usize] - x[b as usize]).powi(2));
+        let pins = self.pins.iter().zip(x).filter(|(a, _)| **a > 0.0);
+        edges.sum::<f64>() + pins.map(|(&a, &x)| a * relative(a) * x * x).sum::<f64>()
+    }
+
     fn new(graph: &Graph, live: &[bool], gain: f64, exponent: f64, pinned: bool) -> Self {
         let mut position = vec![0u32; live.len()];
         for (count, (i, _)) in live.iter().enumerate().filter(|&(_, &l)| l).enumerate() {
@@ -85,7 +118,7 @@ impl Laplacian {
         Self { edges, diagonal, pins, pinned }
     }
 
-    fn dense(&self) -> f64 {
+    fn matrix(&self) -> DMatrix<f64> {
         let n = self.diagonal.len();
         let mut matrix = DMatrix::<f64>::zeros(n, n);
         for (i, &d) in self.diagonal.iter().enumerate() {
@@ -95,7 +128,20 @@ impl Laplacian {
             matrix[(a as usize, b as usize)] -= w;
             matrix[(b as usize, a as usize)] -= w;
         }
-        let mut values: Vec<f64> = matrix.symmetric_eigenvalues().iter().copied().collect();
+        matrix
+    }
+
+    /// The eigenvector of the eigenvalue that [`Self::dense`] finds, of length 1.
+    fn dense_vector(&self) -> Vec<f64> {
+        let eigen = self.matrix().symmetric_eigen();
+        let mut order: Vec<usize> = (0..self.diagonal.len()).collect();
+        order.sort_by(|&i, &j| eigen.eigenvalues[i].total_cmp(&eigen.eigenvalues[j]));
+        let which = order.get(usize::from(!self.pinned)).copied().unwrap_or(0);
+        eigen.eigenvectors.column(which).iter().copied().collect()
+    }
+
+    fn dense(&self) -> f64 {
+        let mut values: Vec<f64> = self.matrix().symmetric_eigenvalues().iter().copied().collect();
         values.sort_by(f64::total_cmp);
         values.get(usize::from(!self.pinned)).map_or(f64::INFINITY, |&x| x.max(0.0))
     }
@@ -120,7 +166,7 @@ impl Laplacian {
     }
 
     /// Inverse iteration: each solution of L y = x lies nearer to the wanted eigenvector.
-    fn iterative(&self) -> Option<f64> {
+    fn iterative(&self) -> Option<(f64, Vec<f64>)> {
         let n = self.diagonal.len();
         let mut left = BUDGET;
         // A start that no symmetry of a graph makes orthogonal to the eigenvector.
@@ -139,7 +185,7 @@ impl Laplacian {
             self.multiply(&x, &mut y);
             let rayleigh = dot(&x, &y);
             if (last - rayleigh).abs() <= 1e-10 * rayleigh {
-                return Some(rayleigh);
+                return Some((rayleigh, x));
             }
             last = rayleigh;
         }
@@ -181,31 +227,41 @@ impl Laplacian {
     /// lambda >= 1 / sum_i R_i, R_i the resistance (sum of 1/w) of a path from i to a pin, or to a root
     /// where there are no pins: x_i^2 <= R_i x'Lx by Cauchy-Schwarz along the path.
     fn bound(&self) -> f64 {
+        self.bound_of(|w| (w, 0.0)).value
+    }
+
+    /// The bound and its rate; `weight` gives a weight and its rate.
+    fn bound_of(&self, weight: impl Fn(f64) -> (f64, f64)) -> Dual {
+        let one = Dual::constant(1.0);
+        let through = |w: f64| {
+            let (value, rate) = weight(w);
+            one / Dual::new(value, rate)
+        };
         let n = self.diagonal.len();
         let edges =
             self.edges.iter().map(|&(a, b, weight)| super::graph::Edge { a, b, weight, delay_ns: None });
         let graph = Graph::new(n, edges.collect(), vec![0.0; n]);
-        let mut resistance = vec![f64::INFINITY; n];
+        let mut resistance = vec![Dual::constant(f64::INFINITY); n];
         let mut queue = std::collections::VecDeque::new();
         for (i, &pin) in self.pins.iter().enumerate().filter(|&(_, &pin)| pin > 0.0) {
-            resistance[i] = 1.0 / pin;
+            resistance[i] = through(pin);
             queue.push_back(i);
         }
         if queue.is_empty() {
-            resistance[0] = 0.0;
+            resistance[0] = Dual::default();
             queue.push_back(0);
         }
         while let Some(i) = queue.pop_front() {
             for &j in graph.neighbours(i) {
-                let through =
-                    graph.find(i as u32, j).map_or(f64::INFINITY, |e| 1.0 / graph.edges()[e].weight);
-                if resistance[j as usize].is_infinite() {
-                    resistance[j as usize] = resistance[i] + through;
+                if resistance[j as usize].value.is_infinite()
+                    && let Some(e) = graph.find(i as u32, j)
+                {
+                    resistance[j as usize] = resistance[i] + through(graph.edges()[e].weight);
                     queue.push_back(j as usize);
                 }
             }
         }
-        1.0 / resistance.iter().sum::<f64>()
+        one / resistance.iter().fold(Dual::default(), |sum, &r| sum + r)
     }
 }
 
@@ -268,5 +324,35 @@ mod tests {
         (live[1], live[4]) = (false, false);
         assert_eq!(smallest(&ring(6), &live, 1.0, 1.0, false).value, 0.0);
         assert_eq!(smallest(&ring(6), &live, 1.0, 1.0, true).value, 0.0);
+    }
+
+    #[test]
+    fn slopes_agree_with_central_differences() {
+        // An odd graph, so that no eigenvalue is multiple; above the limit the iteration.
+        for n in [7, 640] {
+            let edges = (1..n).map(|i| Edge::new(i - 1, i, 0.3 + 0.6 * ((i * i) as f64).sin().abs()));
+            let mut pins = vec![0.0; n];
+            (pins[1], pins[n - 2]) = (0.7, 0.4);
+            let graph = Graph::new(n, edges.collect(), pins);
+            let live = vec![true; n];
+            for pinned in [false, true] {
+                for (d_gain, d_exponent) in [(1.0, 0.0), (0.0, 1.0)] {
+                    let at = |s: f64| {
+                        smallest(&graph, &live, 1.3 + s * d_gain, 1.4 + s * d_exponent, pinned).value
+                    };
+                    let h = 1e-3;
+                    let central = (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h);
+                    let found = slope(&graph, &live, (1.3, d_gain), (1.4, d_exponent), pinned);
+                    // Inverse iteration is converged to 1e-10 of the eigenvalue, the difference divides by h.
+                    let tolerance = if n <= DENSE { 1e-9 } else { 1e-6 };
+                    assert!((found - central).abs() < tolerance * at(0.0), "{n} {found} {central}");
+                }
+            }
+            let laplacian = Laplacian::new(&graph, &live, 2.0, 1.0, false);
+            let h = 1e-4;
+            let bound = |s: f64| laplacian.bound_of(|w| (w * (1.0 + s), 0.0)).value;
+            let central = (bound(h) - bound(-h)) / (2.0 * h);
+            assert!((laplacian.bound_of(|w| (w, w)).tangent - central).abs() < 1e-7 * bound(0.0));
+        }
     }
 }

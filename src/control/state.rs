@@ -1,6 +1,8 @@
 //! Everything that inputs, parameters and steps change: what a rollback must bring back. Checked before it
 //! is taken over, because it may come from another process.
 
+use super::authority::Authority;
+use super::controller::Scratch;
 use super::delay::History;
 use super::error::{ConfigError, Problems};
 use super::exchange::HeldLink;
@@ -28,6 +30,15 @@ pub struct State {
     pub(super) received_ns: Vec<i64>,
     pub(super) held: Vec<HeldLink>,
     pub(super) lags: Lags,
+    /// Time left of the fade of the exchange, ns.
+    pub(super) fade_left_ns: i64,
+    /// Share of the load, and P_set as the power follows it, by agent, pu; empty where no limit asks for them.
+    pub(super) shares: Vec<f64>,
+    pub(super) followed: Vec<f64>,
+    /// x_i of p and of q, by agent, pu; empty without limits on power.
+    pub(super) owed: [Vec<f64>; 2],
+    /// Of V_set over Q, by agent; empty without limits on power.
+    pub(super) authority: Vec<Authority>,
 }
 
 /// How late the measurements are, by droop.
@@ -69,9 +80,9 @@ pub(super) struct Clock {
 }
 
 impl State {
-    /// Whether this state fits a controller of `n` agents with `topologies` topologies and `filtered`
-    /// filter values, all finite. The numbers per edge are checked against the graph by the controller.
-    pub(super) fn check(&self, n: usize, topologies: usize, filtered: usize) -> Result<(), ConfigError> {
+    /// Whether this state fits a controller of `n` agents with `topologies` topologies and the working arrays
+    /// of `scratch`, all finite. The numbers per edge are checked against the graph by the controller.
+    pub(super) fn check(&self, n: usize, topologies: usize, scratch: &Scratch) -> Result<(), ConfigError> {
         let mut problems = Problems::default();
         self.parameters.check(n, &mut problems);
         let (inputs, outputs) = (&self.inputs, &self.outputs);
@@ -112,11 +123,29 @@ impl State {
         ] {
             length(&mut problems, path, found, n);
         }
-        finite(&mut problems, "filtered", &self.filtered, filtered);
+        finite(&mut problems, "filtered", &self.filtered, scratch.filtered.len());
+        finite(&mut problems, "shares", &self.shares, scratch.shares.len());
+        finite(&mut problems, "followed", &self.followed, scratch.followed.len());
+        for ((path, owed), working) in
+            ["owed of p", "owed of q"].into_iter().zip(&self.owed).zip(&scratch.owed)
+        {
+            finite(&mut problems, path, owed, working.len());
+        }
+        length(&mut problems, "authority", self.authority.len(), scratch.authority.len());
+        if let Some(i) = self.authority.iter().position(|a| !a.is_sound()) {
+            problems.add(
+                format!("authority[{i}]"),
+                format!("{:?}", self.authority[i]),
+                "a share in [0.01, 1]",
+            );
+        }
         finite(&mut problems, "flows", &self.flows, self.flows.len());
         finite(&mut problems, "transfers", &self.transfers, self.transfers.len());
         if self.adopted.topology >= topologies {
             problems.add("adopted.topology", self.adopted.topology, format!("below {topologies}"));
+        }
+        if self.fade_left_ns < 0 {
+            problems.add("fade_left_ns", self.fade_left_ns, "not negative");
         }
         if self.clock.step_ns < 0 {
             problems.add("clock.step_ns", self.clock.step_ns, "not negative");
@@ -141,6 +170,9 @@ impl State {
         length(&mut problems, "flows", self.flows.len(), edges);
         length(&mut problems, "transfers", self.transfers.len(), edges);
         length(&mut problems, "received_ns", self.received_ns.len(), received);
+        if !self.history.transfers_fit(edges) {
+            problems.add("history", "transfers that do not fit", format!("finite ones of {edges} edges"));
+        }
         problems.into_result()
     }
 }

@@ -4,7 +4,6 @@
 use super::config::VoltagePolicy;
 use super::controller::Controller;
 use super::estimator;
-use super::exchange::setpoints;
 use super::lag::no_load;
 use super::state::{Clock, State};
 use super::time::seconds;
@@ -12,15 +11,22 @@ use super::time::seconds;
 impl Controller {
     /// Advances from the evaluation at `start_ns` by `duration_ns`.
     pub(super) fn advance(&mut self, start_ns: i64, duration_ns: i64) {
-        let h_s = seconds(duration_ns);
         self.learn();
+        // What is remembered of this sample are the transfers before the step.
+        self.scratch.transfers.copy_from_slice(&self.state.transfers);
         if self.state.adopted.enable {
-            self.integrate(h_s);
+            self.integrate(duration_ns);
         }
         let (state, scratch) = (&mut self.state, &self.scratch);
         state.filtered.copy_from_slice(&scratch.filtered);
         state.received_ns.copy_from_slice(&scratch.received_ns);
-        state.history.push(start_ns, &scratch.signals);
+        state.shares.copy_from_slice(&scratch.shares);
+        state.followed.copy_from_slice(&scratch.followed);
+        for (owed, next) in state.owed.iter_mut().zip(&scratch.owed) {
+            owed.copy_from_slice(next);
+        }
+        state.history.push(start_ns, &scratch.signals, &state.transfers);
+        state.transfers.copy_from_slice(&scratch.transfers);
         state.clock = Clock {
             now_ns: start_ns.saturating_add(duration_ns),
             sampled_ns: start_ns,
@@ -48,7 +54,8 @@ impl Controller {
     }
 
     /// d omega_set/dt = u_omega, dV_set/dt = u_V (5); P_set from the exchange; vbar from its flows.
-    fn integrate(&mut self, h_s: f64) {
+    fn integrate(&mut self, h_ns: i64) {
+        let h_s = seconds(h_ns);
         let average = self.flow(self.state.parameters.gain_V, &self.state.lags.voltage, h_s);
         let (state, scratch, live) = (&mut self.state, &self.scratch, &self.topology.live);
         let outputs = &mut state.outputs;
@@ -58,18 +65,23 @@ impl Controller {
                 outputs.V_set[i] += h_s * outputs.u_V[i];
             }
         }
+        for i in (0..live.len()).filter(|&i| live[i] || self.fixed.lost_link_fade_s.is_some()) {
+            outputs.P_set[i] = scratch.P_set[i];
+        }
         state.flows.copy_from_slice(&scratch.flows);
-        match self.fixed.lost_link_fade_s {
-            None => setpoints(&self.network, &state.flows, &state.held, |i| live[i], &mut outputs.P_set),
-            Some(fade_s) => {
-                let share = (-h_s / fade_s).exp();
-                state.held.iter_mut().for_each(|link| link.flow *= share);
-                setpoints(&self.network, &state.flows, &state.held, |_| true, &mut outputs.P_set);
-            }
+        state.authority.copy_from_slice(&scratch.authority);
+        for k in 0..self.state.held.len() {
+            self.state.held[k].flow = self.carries(&self.state.held[k], h_ns);
+        }
+        let (state, scratch, live) = (&mut self.state, &mut self.scratch, &self.topology.live);
+        state.fade_left_ns = (state.fade_left_ns - h_ns).max(0);
+        if state.fade_left_ns == 0 {
+            state.held.retain(|link| !link.is_between_live(live));
         }
         if state.parameters.voltage_policy == VoltagePolicy::Average {
             let (history, signals) = (&state.history, &scratch.signals);
-            estimator::advance(&self.network, history, signals, &average, h_s, &mut state.transfers);
+            let (before, after) = (&state.transfers, &mut scratch.transfers);
+            estimator::advance(&self.network, history, signals, &average, h_ns, before, after);
         }
     }
 }

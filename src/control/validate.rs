@@ -114,6 +114,7 @@ fn scalars(problems: &mut Problems, config: &Config) {
         ("measurement_filter.V_s", filter.V_s),
         ("measurement_filter.Q_s", filter.Q_s),
         ("channel.jitter_s", config.channel.jitter_s),
+        ("exchange_fade_s", config.exchange_fade_s),
     ] {
         scalar(problems, path, x, NotNegative);
     }

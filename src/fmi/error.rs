@@ -37,6 +37,14 @@ pub enum Error {
     #[error("{function}: {name} cannot be set: {reason}")]
     NotSettable { function: Function, name: String, reason: &'static str },
 
+    /// Not one that this derivative is for.
+    #[error("{function}: {name} is {found}; expected {expected}")]
+    NotDifferentiable { function: Function, name: String, found: &'static str, expected: &'static str },
+
+    /// A derivative of an order that there is none of.
+    #[error("{function}: derivative of order {found} of {name}; expected order 1")]
+    Order { function: Function, name: String, found: i32 },
+
     /// NaN, infinite or out of range.
     #[error("{function}: {name} = {found} is refused; expected {expected}")]
     Value { function: Function, name: String, found: f64, expected: String },

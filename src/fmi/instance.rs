@@ -4,6 +4,7 @@
 //! A refused call changes nothing. Errors are returned, not logged: whoever called decides.
 
 use super::call_order::{Function, State};
+use super::derivatives::Ramps;
 use super::error::Error;
 use super::guid::Guid;
 use super::logging::{Category, Logger};
@@ -23,6 +24,8 @@ pub struct Instance<M: Model> {
     start: M::State,
     pub(super) logger: Logger,
     pub(super) life: Life,
+    /// Rates at which inputs move during the next step.
+    pub(super) ramps: Ramps,
 }
 
 const BORN: Life = Life { state: State::Instantiated, time_ns: 0, initialized: false, stale: true };
@@ -55,7 +58,8 @@ impl<M: Model> Instance<M> {
         logger: Logger,
     ) -> Self {
         let start = model.state().clone();
-        Self { name: instance_name.to_owned(), model, registry, guid, start, logger, life: BORN }
+        let (name, ramps) = (instance_name.to_owned(), Ramps::default());
+        Self { name, model, registry, guid, start, logger, life: BORN, ramps }
     }
 
     /// The name given at instantiation; need not be unique.
@@ -188,7 +192,11 @@ impl<M: Model> Instance<M> {
             return argument("communicationStepSize", step_s, "a step that ends within 292 years of 0");
         };
         if step_s > 0.0 && step.duration_ns > 0 {
-            self.model.step(step, &mut self.logger).map_err(Error::model(function))?;
+            if self.ramps.is_flat() {
+                self.model.step(step, &mut self.logger).map_err(Error::model(function))?;
+            } else {
+                self.step_ramped(step)?;
+            }
             self.life.time_ns = step.start_ns.saturating_add(step.duration_ns);
             // What follows inputs and states at once is brought in line when somebody reads it.
             self.life.stale = true;
@@ -208,13 +216,15 @@ impl<M: Model> Instance<M> {
         self.allow(Function::Reset)?;
         self.model.set_state(&self.start).map_err(Error::model(Function::Reset))?;
         self.life = BORN;
+        self.ramps.end();
         Ok(())
     }
 
     /// fmi2GetFMUstate: a deep copy.
     pub fn snapshot(&self) -> Result<Snapshot<M>, Error> {
         self.allow(Function::GetFmuState)?;
-        Ok(Snapshot { guid: self.guid, life: self.life, state: self.model.state().clone() })
+        let (guid, life, ramps) = (self.guid, self.life, self.ramps.clone());
+        Ok(Snapshot { guid, life, ramps, state: self.model.state().clone() })
     }
 
     /// fmi2SetFMUstate: back, or forth, to a snapshot of any instance of this FMU.
@@ -227,6 +237,7 @@ impl<M: Model> Instance<M> {
         }
         self.model.set_state(&snapshot.state).map_err(Error::model(function))?;
         self.life = snapshot.life;
+        self.ramps.clone_from(&snapshot.ramps);
         Ok(())
     }
 

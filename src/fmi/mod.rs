@@ -9,6 +9,7 @@
 #[rustfmt::skip]
 pub mod bindings;
 pub mod call_order;
+mod derivatives;
 pub mod error;
 pub mod export;
 pub mod guid;
@@ -30,6 +31,6 @@ pub use guid::Guid;
 pub use instance::Instance;
 pub use logging::{Category, Logger, Sink};
 pub use lookup::{Interface, Registry, Type};
-pub use model::{Log, LogLevel, Model, ModelError, Phase, Step};
+pub use model::{Along, Log, LogLevel, Model, ModelError, Phase, Plane, Step};
 pub use registry::{Access, Causality, Dependencies, Group, Range, Unit, Variability};
 pub use state::Snapshot;

@@ -19,6 +19,10 @@ pub trait Model: Clone + Send + 'static {
     /// sampled afterwards: the model starts from a steady state that it solves for.
     const INITIAL_STATE_FOLLOWS_INPUTS: bool = false;
 
+    /// Whether the model has tangents: [`Model::look_at`], [`Model::differentiate`] and
+    /// [`Model::step_ramped`] do what they say. The model description declares it.
+    const HAS_TANGENTS: bool = false;
+
     /// Everything that inputs, parameters and steps change; not what `load` read.
     type State: Clone + Serialize + DeserializeOwned;
 
@@ -43,6 +47,27 @@ pub trait Model: Clone + Send + 'static {
     /// Advances by one communication step with the inputs held; allocates nothing.
     fn step(&mut self, step: Step, log: &mut dyn Log) -> Result<(), ModelError>;
 
+    /// The same with every input moving from its present value at the rate in the tangent plane (per s),
+    /// u(t) = u_0 + du (t - t_0); what the plane holds for parameters does not count. The inputs' values stay
+    /// u_0: the shell moves them on. A model that samples its inputs when a step begins need not see the ramp.
+    fn step_ramped(&mut self, step: Step, log: &mut dyn Log) -> Result<(), ModelError> {
+        self.step(step, log)
+    }
+
+    /// Chooses what the functions of [`Model::variables`] read and write from now on. Changing to the tangent
+    /// plane sets all tangents to 0; changing back does not touch them.
+    fn look_at(&mut self, plane: Plane) {
+        let _ = plane;
+    }
+
+    /// Makes the tangents of the Real outputs, at the present point, from those of the Real inputs and tunable
+    /// Real parameters. Exact up to rounding; where an output has a kink, a one-sided value.
+    /// [`Phase::Initialization`]: as the initial state follows the inputs. Changes no value.
+    fn differentiate(&mut self, along: Along, phase: Phase) -> Result<(), ModelError> {
+        let (_, _) = (along, phase);
+        Ok(())
+    }
+
     /// `DefaultExperiment`: stop time and step size, s.
     fn default_experiment(&self) -> (f64, f64) {
         (120.0, 0.01)
@@ -56,6 +81,26 @@ pub enum Phase {
     Initialization,
     /// Between two communication steps.
     Step,
+}
+
+/// What the functions of the variables work on. A tangent is the rate of change of a variable along a
+/// direction; each variable has a place for it beside its value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Plane {
+    /// The values: always, but within one call of the shell.
+    Values,
+    /// The tangents.
+    Tangents,
+}
+
+/// A direction in which a model is differentiated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Along {
+    /// That of the tangents given to inputs and parameters, the states held (fmi2GetDirectionalDerivative).
+    Knowns,
+    /// Time: the inputs move as their tangents say, per s, and the states by their own equations
+    /// (fmi2GetRealOutputDerivatives). An output that is held until the next step has rate 0.
+    Time,
 }
 
 /// One communication step. Time is counted in nanoseconds, so that it neither drifts nor rounds an

@@ -8,8 +8,7 @@ use super::model::Model;
 use super::registry::{Causality, Dependencies, Group, Unit, Variability};
 use std::fmt::Write;
 
-/// What the FMU can do, as the `CoSimulation` element says it; the default is what [`super::shell`]
-/// does.
+/// What the FMU can do, as the `CoSimulation` element says it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub struct Capabilities {
@@ -23,24 +22,25 @@ pub struct Capabilities {
     pub provides_directional_derivative: bool,
 }
 
-impl Default for Capabilities {
-    fn default() -> Self {
+impl Capabilities {
+    /// What [`super::shell`] does with this model.
+    pub fn of<M: Model>() -> Self {
         Self {
             can_handle_variable_communication_step_size: true,
-            can_interpolate_inputs: false,
-            max_output_derivative_order: 0,
+            can_interpolate_inputs: M::HAS_TANGENTS,
+            max_output_derivative_order: u32::from(M::HAS_TANGENTS),
             can_be_instantiated_only_once_per_process: false,
             can_not_use_memory_management_functions: true,
             can_get_and_set_fmu_state: true,
             can_serialize_fmu_state: true,
-            provides_directional_derivative: false,
+            provides_directional_derivative: M::HAS_TANGENTS,
         }
     }
 }
 
 /// The model description of a freshly loaded model.
 pub fn write<M: Model>(model: &M, interface: Interface) -> Result<String, RegistryError> {
-    write_with(model, interface, &Capabilities::default())
+    write_with(model, interface, &Capabilities::of::<M>())
 }
 
 /// The same with other capabilities.
@@ -112,7 +112,11 @@ fn write_units<M: Model>(xml: &mut String, registry: &Registry<M>) -> std::fmt::
     }
     writeln!(xml, "  <UnitDefinitions>")?;
     for unit in units {
-        writeln!(xml, r#"    <Unit name="{}"><BaseUnit{}/></Unit>"#, unit.name(), unit.base_attributes())?;
+        write!(xml, r#"    <Unit name="{}"><BaseUnit{}/>"#, unit.name(), unit.base_attributes())?;
+        if let Some((name, factor)) = unit.display() {
+            write!(xml, r#"<DisplayUnit name="{name}" factor="{factor:?}"/>"#)?;
+        }
+        writeln!(xml, "</Unit>")?;
     }
     writeln!(xml, "  </UnitDefinitions>")
 }
@@ -158,6 +162,9 @@ fn write_variable<M: Model>(
     }
     if let (Value::Real(_), Some(unit)) = (value, group.unit) {
         write!(xml, " unit=\"{}\"", unit.name())?;
+        if let Some((name, _)) = unit.display() {
+            write!(xml, " displayUnit=\"{name}\"")?;
+        }
     }
     let whole = matches!(value, Value::Integer(_));
     for (name, bound) in [("min", group.range.min), ("max", group.range.max)] {

@@ -2,6 +2,7 @@
 //! the GUID all read the same list. A group is `name` when scalar and `name[1]` .. `name[count]` when
 //! not; the value reference of a variable is its 1-based position over all groups.
 
+use std::f64::consts::PI;
 use std::fmt;
 
 /// One quantity: a scalar, or one variable per agent, bus, ...
@@ -10,7 +11,7 @@ pub struct Group<M> {
     pub name: &'static str,
     /// What it is, for a person.
     pub description: &'static str,
-    /// Its unit, or none for a pure number that is not per unit.
+    /// Its unit; a Real without one has [`Unit::One`].
     pub unit: Option<Unit>,
     /// Number of variables, or `None` for a scalar.
     pub count: Option<usize>,
@@ -100,15 +101,19 @@ impl fmt::Display for Range {
     }
 }
 
-/// Units of the interface; each is written with its SI base units into the model description.
+/// Units of the interface, per unit being dimensionless; each is written with its SI base units into the model description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
+    /// A pure number.
+    One,
     /// Per unit of the system base: dimensionless.
     PerUnit,
     /// Per unit times hour: an energy on a power base.
     PerUnitHour,
     /// Per unit per second.
     PerUnitPerSecond,
+    /// Per second.
+    PerSecond,
     /// Second.
     Second,
     /// Radian.
@@ -119,10 +124,12 @@ pub enum Unit {
 
 impl Unit {
     /// All units.
-    pub const ALL: [Unit; 6] = [
+    pub const ALL: [Unit; 8] = [
+        Unit::One,
         Unit::PerUnit,
         Unit::PerUnitHour,
         Unit::PerUnitPerSecond,
+        Unit::PerSecond,
         Unit::Second,
         Unit::Radian,
         Unit::RadianPerSecond,
@@ -131,9 +138,11 @@ impl Unit {
     /// Its name in the model description.
     pub fn name(self) -> &'static str {
         match self {
+            Unit::One => "1",
             Unit::PerUnit => "pu",
             Unit::PerUnitHour => "pu.h",
             Unit::PerUnitPerSecond => "pu/s",
+            Unit::PerSecond => "1/s",
             Unit::Second => "s",
             Unit::Radian => "rad",
             Unit::RadianPerSecond => "rad/s",
@@ -143,12 +152,21 @@ impl Unit {
     /// Attributes of its `BaseUnit`: exponents of the SI base units and the factor to them.
     pub(super) fn base_attributes(self) -> &'static str {
         match self {
-            Unit::PerUnit => "",
+            Unit::One | Unit::PerUnit => "",
             Unit::PerUnitHour => r#" s="1" factor="3600.0""#,
-            Unit::PerUnitPerSecond => r#" s="-1""#,
+            Unit::PerUnitPerSecond | Unit::PerSecond => r#" s="-1""#,
             Unit::Second => r#" s="1""#,
             Unit::Radian => r#" rad="1""#,
             Unit::RadianPerSecond => r#" s="-1" rad="1""#,
+        }
+    }
+
+    /// The unit in which people read it, and how many of those one is.
+    pub(super) fn display(self) -> Option<(&'static str, f64)> {
+        match self {
+            Unit::Radian => Some(("deg", 180.0 / PI)),
+            Unit::RadianPerSecond => Some(("Hz", 0.5 / PI)),
+            _ => None,
         }
     }
 }

@@ -4,12 +4,13 @@
 //! FNV-1a 64 checksum of all of the foregoing and the payload (8), payload (postcard).
 
 use super::call_order::State;
+use super::derivatives::Ramps;
 use super::guid::Guid;
 use super::model::Model;
 use serde::{Deserialize, Serialize};
 
 const MAGIC: &[u8; 8] = b"FMI2STAT";
-const FORMAT_VERSION: u32 = 1;
+const FORMAT_VERSION: u32 = 2;
 const HEADER: usize = 44;
 
 /// What the shell itself keeps about an instance.
@@ -28,12 +29,13 @@ pub(super) struct Life {
 pub struct Snapshot<M: Model> {
     pub(super) guid: Guid,
     pub(super) life: Life,
+    pub(super) ramps: Ramps,
     pub(super) state: M::State,
 }
 
 impl<M: Model> Clone for Snapshot<M> {
     fn clone(&self) -> Self {
-        Self { guid: self.guid, life: self.life, state: self.state.clone() }
+        Self { guid: self.guid, life: self.life, ramps: self.ramps.clone(), state: self.state.clone() }
     }
 }
 
@@ -61,7 +63,8 @@ impl<M: Model> Snapshot<M> {
     /// Number of bytes that [`Snapshot::serialize_into`] writes.
     pub fn serialized_size(&self) -> Result<usize, FormatError> {
         let size = postcard::ser_flavors::Size::default();
-        let payload = postcard::serialize_with_flavor(&(&self.life, &self.state), size).map_err(payload)?;
+        let payload = postcard::serialize_with_flavor(&(&self.life, &self.ramps, &self.state), size)
+            .map_err(payload)?;
         Ok(HEADER + payload)
     }
 
@@ -72,7 +75,7 @@ impl<M: Model> Snapshot<M> {
         let (header, rest) = out.split_at_mut_checked(HEADER).ok_or(FormatError::Room { found, expected })?;
         let (front, checksum_field) = header.split_at_mut(HEADER - 8);
         let body = rest.get_mut(..expected - HEADER).ok_or(FormatError::Room { found, expected })?;
-        let body = postcard::to_slice(&(&self.life, &self.state), body).map_err(payload)?;
+        let body = postcard::to_slice(&(&self.life, &self.ramps, &self.state), body).map_err(payload)?;
         let fields: [&[u8]; 4] =
             [MAGIC, &FORMAT_VERSION.to_le_bytes(), &self.guid.0, &(body.len() as u64).to_le_bytes()];
         for (place, byte) in front.iter_mut().zip(fields.into_iter().flatten()) {
@@ -115,12 +118,12 @@ impl<M: Model> Snapshot<M> {
         if checksum(front, body) != u64::from_le_bytes(*sum) {
             return Err(FormatError::Checksum);
         }
-        let ((life, state), left): ((Life, M::State), _) =
+        let ((life, ramps, state), left): ((Life, Ramps, M::State), _) =
             postcard::take_from_bytes(body).map_err(payload)?;
-        if !left.is_empty() || life.state == State::Fatal {
+        if !left.is_empty() || life.state == State::Fatal || !ramps.is_finite() {
             return Err(FormatError::Payload("its contents contradict themselves".to_owned()));
         }
-        Ok(Self { guid, life, state })
+        Ok(Self { guid, life, ramps, state })
     }
 }
 

@@ -148,7 +148,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Checks everything about a set but the values.
-    fn check_set(
+    pub(super) fn check_set(
         &self,
         function: Function,
         expected: Type,
@@ -170,7 +170,7 @@ impl<M: Model> Instance<M> {
 
     /// Checks call order, lengths, references and types, then each run by `check`.
     #[inline]
-    fn check_call(
+    pub(super) fn check_call(
         &self,
         function: Function,
         expected: Type,
@@ -204,7 +204,7 @@ impl<M: Model> Instance<M> {
     }
 
     #[inline]
-    fn check_value(
+    pub(super) fn check_value(
         &self,
         function: Function,
         reference: u32,
@@ -223,7 +223,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// The name of the first of these.
-    fn name_of(&self, references: &[u32]) -> String {
+    pub(super) fn name_of(&self, references: &[u32]) -> String {
         references.first().and_then(|reference| self.registry.name(*reference)).unwrap_or_default()
     }
 }

@@ -43,18 +43,6 @@ pub(crate) fn diagonal_positions(matrix: &SparseMatrix) -> Vec<usize> {
     (0..matrix.ncols()).filter_map(|j| (col_ptr[j]..col_ptr[j + 1]).find(|&at| row_idx[at] == j)).collect()
 }
 
-/// Matrix times vector.
-pub(crate) fn multiply(matrix: &SparseMatrix, x: &[c64]) -> Vec<c64> {
-    let (col_ptr, row_idx) = (matrix.symbolic().col_ptr(), matrix.symbolic().row_idx());
-    let mut y = vec![c64::ZERO; matrix.nrows()];
-    for j in 0..matrix.ncols() {
-        for at in col_ptr[j]..col_ptr[j + 1] {
-            y[row_idx[at]] += matrix.val()[at] * x[j];
-        }
-    }
-    y
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

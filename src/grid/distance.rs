@@ -14,7 +14,7 @@ pub fn electrical_distances(case: &Case, bess_buses: &[u64]) -> Result<Vec<Vec<f
     case.validate("case.")?;
     let plant = Plant::of_case(case, bess_buses, LoadModel::Impedance)?;
     let lu = Lu::new(&plant.admittance, "the case with its loads and without sources")?;
-    let mut scratch = lu.scratch(1);
+    let mut scratch = lu.scratch();
     let n = plant.n();
     let mut Z = vec![vec![c64::ZERO; n]; n];
     let mut column = vec![c64::ZERO; plant.n_bus()];

@@ -8,7 +8,7 @@ use super::state::{Inputs, Parameters};
 use super::workspace::Workspace;
 
 /// Powers beyond which a simulation has run away, pu.
-const RUN_AWAY_PU: f64 = 1e6;
+pub(super) const RUN_AWAY_PU: f64 = 1e6;
 
 /// The grid with its inputs held.
 pub struct Grid<'a> {
@@ -29,21 +29,22 @@ impl Dynamics for Grid<'_> {
     fn derivative(&mut self, y: &[f64], dy: &mut [f64]) -> bool {
         let n = y.len() / 4;
         let (u, k, ws) = (self.inputs, self.parameters, &mut *self.workspace);
-        let (delta, rest) = y.split_at(n);
-        let (P, rest) = rest.split_at(n);
-        let Q = &rest[..n];
-        for i in 0..n {
-            ws.set_source(i, voltage(u.V_set[i], k.K_Q[i], Q[i], u.Q_set[i]), delta[i]);
-        }
+        // Slices of one known length: no check of an index is left in the loops.
+        let (delta, P, Q) = (&y[..n], &y[n..2 * n], &y[2 * n..3 * n]);
+        let (V_set, Q_set, K_Q) = (&u.V_set[..n], &u.Q_set[..n], &k.K_Q[..n]);
+        let (omega_set, P_set, K_P) = (&u.omega_set[..n], &u.P_set[..n], &k.K_P[..n]);
+        ws.set_sources((0..n).map(|i| voltage(V_set[i], K_Q[i], Q[i], Q_set[i])), delta);
         if self.network.currents(ws).is_err() {
             return false;
         }
         let (d_delta, rest) = dy.split_at_mut(n);
         let (d_P, rest) = rest.split_at_mut(n);
         let (d_Q, d_E) = rest.split_at_mut(n);
+        let (d_delta, d_E) = (&mut d_delta[..n], &mut d_E[..n]);
         for i in 0..n {
-            let (p, q) = ws.power(i);
-            d_delta[i] = angle_rate(omega(u.omega_set[i], k.K_P[i], P[i], u.P_set[i]), self.omega_b);
+            d_delta[i] = angle_rate(omega(omega_set[i], K_P[i], P[i], P_set[i]), self.omega_b);
+        }
+        for (i, (p, q)) in ws.powers().enumerate().take(n) {
             d_P[i] = power_filter(p, P[i], k.omega_c);
             d_Q[i] = power_filter(q, Q[i], k.omega_c);
             d_E[i] = energy_rate(p);

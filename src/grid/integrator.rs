@@ -79,6 +79,11 @@ impl Integrator {
         }
     }
 
+    /// The tolerances, relative and absolute.
+    pub fn tolerances(&self) -> (f64, f64) {
+        (self.relative, self.absolute)
+    }
+
     /// Advances `y` by `duration_s`. `step_s` is the size that the next internal step wants; it outlives
     /// the call, so that short communication steps cost no more than they must. On failure `y` and
     /// `step_s` are as before.

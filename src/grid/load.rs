@@ -52,6 +52,12 @@ impl LoadModel {
         Z + I * (v0 / v) + P * (v0 / v) * (v0 / v)
     }
 
+    /// Slope of [`Self::admittance_ratio`] in the voltage magnitude `v`, 1/pu; at the knee that of the impedance.
+    pub fn admittance_slope(self, v: f64, v0: f64) -> f64 {
+        let (_, I, P) = self.fractions();
+        if v <= IMPEDANCE_BELOW.min(v0) { 0.0 } else { -(I + 2.0 * P * (v0 / v)) * v0 / (v * v) }
+    }
+
     /// The part of the admittance at `v0` that the network matrix holds; the rest is a current, found by
     /// iteration. Z + I/2 is the best: to first order, a constant-power load's current follows the
     /// conjugate of its voltage alone, a constant-current load's half and half.

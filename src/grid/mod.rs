@@ -8,11 +8,14 @@
 //! | [`config`] | everything the grid model is made from, with its validation |
 //! | [`admittance`] | the bus admittance matrix |
 //! | [`mod@power_flow`] | the operating point that turns loads into admittances |
+//! | [`sparse`] | linear equations on a static pattern |
 //! | [`load`] | impedance, constant-power and ZIP loads |
 //! | [`plant`], [`network`], [`reduction`], [`lu`], [`workspace`] | what the sources see of the network |
 //! | [`bess`] | the paper's (1) to (3), angle and battery, one function each |
 //! | [`dynamics`] | the right-hand side made of those |
 //! | [`integrator`] | embedded Runge-Kutta 5(4) with error control |
+//! | `ramp` | a step whose inputs move |
+//! | [`tangent`] | what the readings do along a direction of the inputs, or in time |
 //! | [`steady_state`] | where a simulation starts |
 //! | [`model`], [`state`] | the grid model: inputs, steps, outputs, its state |
 //! | [`distance`] | electrical distances between BESS buses |
@@ -37,9 +40,13 @@ pub mod model;
 pub mod network;
 pub mod plant;
 pub mod power_flow;
+mod ramp;
 pub mod reduction;
+pub mod sparse;
 pub mod state;
 pub mod steady_state;
+pub mod tangent;
+mod trigonometry;
 pub mod workspace;
 
 pub use agents::{Agents, Controls};
@@ -49,5 +56,5 @@ pub use distance::electrical_distances;
 pub use error::GridError;
 pub use load::LoadModel;
 pub use model::GridModel;
-pub use power_flow::{PowerFlow, Start, power_flow};
+pub use power_flow::{Convergence, PowerFlow, PowerFlowSolver, Start, power_flow};
 pub use state::{Inputs, Parameters, State};

@@ -4,7 +4,7 @@ use super::bess::{omega, voltage};
 use super::config::Config;
 use super::dynamics::Grid;
 use super::error::GridError;
-use super::integrator::{Effort, Integrator};
+use super::integrator::{Effort, Failure, Integrator};
 use super::load::LoadModel;
 use super::network::{Conditions, Network};
 use super::plant::Plant;
@@ -25,21 +25,24 @@ use std::sync::Arc;
 pub struct GridModel {
     plant: Arc<Plant>,
     load_model: LoadModel,
-    omega_b: f64,
-    state: State,
-    network: Network,
-    integrator: Integrator,
-    workspace: Workspace,
+    pub(super) omega_b: f64,
+    pub(super) state: State,
+    pub(super) network: Network,
+    pub(super) integrator: Integrator,
+    pub(super) workspace: Workspace,
     /// [delta | P | Q | E] during a step.
     y: Vec<f64>,
-    effort: Effort,
-    readout: RefCell<Readout>,
+    pub(super) ramp: Option<Box<super::ramp::Memory>>,
+    pub(super) effort: Effort,
+    /// Whether the inputs were checked and the network follows them since they were last touched.
+    pub(super) in_line: bool,
+    pub(super) readout: RefCell<Readout>,
 }
 
 /// Bus voltages and tie flow, made when somebody reads them.
 #[derive(Clone)]
-struct Readout {
-    valid: bool,
+pub(super) struct Readout {
+    pub(super) valid: bool,
     workspace: Workspace,
     vm: Vec<f64>,
     va: Vec<f64>,
@@ -69,9 +72,11 @@ impl GridModel {
                 config.tolerances.absolute,
             ),
             y: vec![0.0; 4 * plant.n()],
+            ramp: None,
             load_model: config.load_model,
             omega_b: TAU * config.f_nominal_hz,
             effort: Effort::default(),
+            in_line: false,
             readout: RefCell::new(readout),
             plant,
             state,
@@ -102,6 +107,7 @@ impl GridModel {
 
     /// Inputs to set; outputs follow at the next refresh or step.
     pub fn inputs_mut(&mut self) -> &mut Inputs {
+        self.in_line = false;
         &mut self.state.inputs
     }
 
@@ -112,6 +118,7 @@ impl GridModel {
 
     /// Parameters to set before [`GridModel::initialise`], which the steady state depends on.
     pub fn parameters_mut(&mut self) -> &mut Parameters {
+        self.in_line = false;
         &mut self.state.parameters
     }
 
@@ -139,19 +146,21 @@ impl GridModel {
         let now = conditions(&self.state);
         let mut network = self.network.clone();
         network.update(&now)?;
-        let mut found = steady_state(&network.reduced(), inputs, parameters)?;
         if self.load_model.is_linear() {
-            return Ok(found);
+            return steady_state(&network, inputs, parameters);
         }
         // Loads that are not impedances: solve with the admittances that they have at the voltages found,
-        // until these no longer move.
+        // from those of the power flow on, until these no longer move.
         let mut workspace = network.workspace();
         let mut extra = vec![c64::ZERO; self.n_bus()];
+        for load in &self.plant.nonlinear {
+            extra[load.bus] = self.plant.not_held(load, load.v0);
+        }
+        network.rebuild(&now, Some(&extra))?;
+        let mut found = steady_state(&network, inputs, parameters)?;
         let mut change = f64::INFINITY;
         for _ in 0..500 {
-            for i in 0..self.n() {
-                workspace.set_source(i, found.V[i], found.delta[i]);
-            }
+            workspace.set_sources(found.V.iter().copied(), &found.delta);
             network.linear_voltages(&mut workspace);
             change = 0.0;
             for load in &self.plant.nonlinear {
@@ -164,7 +173,7 @@ impl GridModel {
                 return Ok(found);
             }
             network.rebuild(&now, Some(&extra))?;
-            found = steady_state(&network.reduced(), inputs, parameters)?;
+            found = steady_state(&network, inputs, parameters)?;
         }
         Err(GridError::Loads { residual: change })
     }
@@ -172,8 +181,7 @@ impl GridModel {
     /// Brings everything that can be read in line with the inputs: V and omega follow their setpoints at
     /// once, bus voltages and tie flow the loads and the breaker too; P, Q, E are states.
     pub fn refresh(&mut self) -> Result<(), GridError> {
-        self.check_inputs()?;
-        self.network.update(&conditions(&self.state))?;
+        self.bring_in_line()?;
         self.readout.get_mut().valid = false;
         // Voltages of impedance loads always exist; others are looked for while an error can be told.
         if self.load_model.is_linear() { Ok(()) } else { self.read(&mut self.readout.borrow_mut()) }
@@ -182,14 +190,7 @@ impl GridModel {
     /// Advances by `duration_ns` with the inputs held; allocates nothing. On failure the state is as
     /// before. A duration of 0 changes nothing.
     pub fn step(&mut self, start_ns: i64, duration_ns: i64) -> Result<(), GridError> {
-        if !self.state.initialised {
-            return Err(GridError::Misuse { what: "step", why: "the model is not initialised" });
-        }
-        if duration_ns < 0 {
-            return Err(GridError::Misuse { what: "step", why: "the duration is negative" });
-        }
-        self.check_inputs()?;
-        self.network.update(&conditions(&self.state))?;
+        self.check_step(duration_ns)?;
         if duration_ns == 0 {
             self.readout.get_mut().valid = false;
             return Ok(());
@@ -210,12 +211,7 @@ impl GridModel {
         self.effort = self
             .integrator
             .advance(&mut grid, &mut self.y, &mut state.internal_step_s, duration_ns as f64 * 1e-9)
-            .map_err(|failure| GridError::Step {
-                start_s: start_ns as f64 * 1e-9,
-                offset_s: failure.offset_s,
-                step_s: failure.step_s,
-                reason: failure.reason,
-            })?;
+            .map_err(|failure| failure.of_step(start_ns))?;
         for (part, values) in
             self.y.chunks_exact(n).zip([&mut state.delta, &mut state.P, &mut state.Q, &mut state.E])
         {
@@ -226,6 +222,17 @@ impl GridModel {
         Ok(())
     }
 
+    /// Whether a step may be taken; brings the network in line with the inputs.
+    pub(super) fn check_step(&mut self, duration_ns: i64) -> Result<(), GridError> {
+        if !self.state.initialised {
+            return Err(GridError::Misuse { what: "step", why: "the model is not initialised" });
+        }
+        if duration_ns < 0 {
+            return Err(GridError::Misuse { what: "step", why: "the duration is negative" });
+        }
+        self.bring_in_line()
+    }
+
     /// The present state.
     pub fn state(&self) -> &State {
         &self.state
@@ -234,6 +241,7 @@ impl GridModel {
     /// Takes over a state of this model; nothing changes when it does not fit.
     pub fn set_state(&mut self, state: &State) -> Result<(), GridError> {
         state.validate(self.n(), self.n_bus(), self.plant.tie.is_some())?;
+        self.in_line = false;
         self.network.update(&conditions(state))?;
         self.state.clone_from(state);
         self.readout.get_mut().valid = false;
@@ -299,11 +307,26 @@ impl GridModel {
         self.network.is_dense()
     }
 
+    fn bring_in_line(&mut self) -> Result<(), GridError> {
+        if !self.in_line {
+            self.check_inputs()?;
+            self.network.update(&conditions(&self.state))?;
+            self.in_line = true;
+        }
+        Ok(())
+    }
+
     fn check_inputs(&self) -> Result<(), GridError> {
         self.state.inputs.validate(self.n(), self.n_bus(), self.plant.tie.is_some())
     }
 
+    #[inline]
     fn up_to_date<T>(&self, get: impl FnOnce(&Readout) -> T) -> T {
+        let readout = self.readout.borrow();
+        if readout.valid {
+            return get(&readout);
+        }
+        drop(readout);
         let mut readout = self.readout.borrow_mut();
         // After a refresh or a step that succeeded this cannot fail; the values before stay otherwise.
         let _ = self.read(&mut readout);
@@ -316,13 +339,12 @@ impl GridModel {
         }
         let ws = &mut readout.workspace;
         ws.restart();
-        for i in 0..self.n() {
-            ws.set_source(i, self.V(i), self.state.delta[i]);
-        }
+        ws.set_sources((0..self.n()).map(|i| self.V(i)), &self.state.delta);
         self.network.voltages(ws)?;
-        for (b, v) in ws.v.iter().enumerate() {
-            readout.vm[b] = v.norm();
-            readout.va[b] = v.im.atan2(v.re);
+        for ((v, vm), va) in ws.v.iter().zip(&mut readout.vm).zip(&mut readout.va) {
+            // Voltages are near 1 pu: no need of hypot's care for the extremes.
+            *vm = v.norm_sqr().sqrt();
+            *va = v.im.atan2(v.re);
         }
         readout.tie = self.network.tie_power(&ws.v);
         readout.valid = true;
@@ -330,7 +352,7 @@ impl GridModel {
     }
 }
 
-fn conditions(state: &State) -> Conditions<'_> {
+pub(super) fn conditions(state: &State) -> Conditions<'_> {
     Conditions {
         dP_load: &state.inputs.dP_load,
         dQ_load: &state.inputs.dQ_load,
@@ -339,7 +361,15 @@ fn conditions(state: &State) -> Conditions<'_> {
     }
 }
 
+impl Failure {
+    /// A failure of the step that began at `start_ns`.
+    pub(super) fn of_step(self, start_ns: i64) -> GridError {
+        let start_s = start_ns as f64 * 1e-9;
+        GridError::Step { start_s, offset_s: self.offset_s, step_s: self.step_s, reason: self.reason }
+    }
+}
+
 /// The same angle in [-pi, pi]: angles turn for hours, and small ones are exact.
-fn wrap(angle: f64) -> f64 {
+pub(super) fn wrap(angle: f64) -> f64 {
     if angle.abs() <= PI { angle } else { angle - TAU * (angle / TAU).round() }
 }

@@ -9,6 +9,7 @@ use super::error::GridError;
 use super::lu::Lu;
 use super::plant::Plant;
 use super::reduction::{LOAD_TOLERANCE_PU, MAX_LOAD_ITERATIONS, Reduction, worse};
+use super::sparse::active::Active;
 use super::workspace::Workspace;
 use faer::c64;
 use std::sync::Arc;
@@ -29,18 +30,30 @@ pub struct Conditions<'a> {
 /// The network between the sources.
 #[derive(Clone)]
 pub struct Network {
-    plant: Arc<Plant>,
+    pub(super) plant: Arc<Plant>,
     matrix: SparseMatrix,
-    lu: Lu,
+    pub(super) lu: Lu,
     /// `Some` for the dense method.
     reduction: Option<Reduction>,
+    /// `Some` for the sparse method with impedance loads: a solve for the buses of sources and tie alone.
+    active: Option<ActiveBuses>,
     /// Admittance 1 / (j X_c) of each source, and of the tie when closed.
-    source: Vec<c64>,
-    tie: c64,
+    pub(super) source: Vec<c64>,
+    pub(super) tie: c64,
     dP_load: Vec<f64>,
     dQ_load: Vec<f64>,
     X_c: Vec<f64>,
-    tie_closed: bool,
+    pub(super) tie_closed: bool,
+    valid: bool,
+}
+
+/// The part of the factors that currents between the sources need.
+#[derive(Clone)]
+struct ActiveBuses {
+    solve: Active<c64>,
+    /// Where each source's bus stands in it, the tie's last.
+    at: Vec<u32>,
+    /// False when the factors needed pivoting, so that there is no part of them to take.
     valid: bool,
 }
 
@@ -50,6 +63,12 @@ impl Network {
         let matrix = assemble(&plant, now, None);
         let lu = Lu::new(&matrix, "the network with its sources")?;
         let reduction = use_kron(&plant, method).then(|| Reduction::new(&plant, &lu));
+        let active = (reduction.is_none() && plant.nonlinear.is_empty()).then(|| {
+            let buses: Vec<usize> =
+                plant.bess_bus.iter().copied().chain(plant.tie.map(|(bus, _)| bus)).collect();
+            let (solve, at) = lu.active(&buses);
+            ActiveBuses { solve, at, valid: false }
+        });
         let mut this = Self {
             source: vec![c64::ZERO; plant.n()],
             tie: c64::ZERO,
@@ -62,6 +81,7 @@ impl Network {
             matrix,
             lu,
             reduction,
+            active,
         };
         this.update(now)?;
         Ok(this)
@@ -69,7 +89,9 @@ impl Network {
 
     /// Memory for evaluations of this network.
     pub fn workspace(&self) -> Workspace {
-        Workspace::new(self.plant.n(), self.plant.n_bus(), self.plant.nonlinear.len(), self.lu.scratch(1))
+        let n_active = self.active.as_ref().map_or(0, |active| active.solve.n());
+        let (n, n_bus, n_load) = (self.plant.n(), self.plant.n_bus(), self.plant.nonlinear.len());
+        Workspace::new(n, n_bus, n_load, n_active, self.lu.scratch())
     }
 
     /// The plant that the network belongs to.
@@ -104,6 +126,9 @@ impl Network {
         if let Some(reduction) = &mut self.reduction {
             reduction.rebuild(&self.plant, &self.lu, &self.source, self.tie)?;
         }
+        if let Some(active) = &mut self.active {
+            active.valid = self.lu.update_active(&mut active.solve);
+        }
         self.dP_load.copy_from_slice(now.dP_load);
         self.dQ_load.copy_from_slice(now.dQ_load);
         self.X_c.copy_from_slice(now.X_c);
@@ -115,16 +140,35 @@ impl Network {
     /// Currents `ws.i_*` that the sources send into the network, from their voltages `ws.e_*`, pu.
     #[inline]
     pub fn currents(&self, ws: &mut Workspace) -> Result<(), GridError> {
-        match &self.reduction {
-            Some(reduction) => reduction.currents(&self.plant, ws),
-            None => {
-                self.voltages(ws)?;
-                for (i, &bus) in self.plant.bess_bus.iter().enumerate() {
-                    let current = self.source[i] * (c64::new(ws.e_re[i], ws.e_im[i]) - ws.v[bus]);
-                    (ws.i_re[i], ws.i_im[i]) = (current.re, current.im);
-                }
-                Ok(())
-            }
+        if let Some(reduction) = &self.reduction {
+            return reduction.currents(&self.plant, ws);
+        }
+        if let Some(active) = self.active.as_ref().filter(|active| active.valid) {
+            self.active_currents(active, ws);
+            return Ok(());
+        }
+        self.voltages(ws)?;
+        for (i, &bus) in self.plant.bess_bus.iter().enumerate() {
+            let current = self.source[i] * (c64::new(ws.e_re[i], ws.e_im[i]) - ws.v[bus]);
+            (ws.i_re[i], ws.i_im[i]) = (current.re, current.im);
+        }
+        Ok(())
+    }
+
+    fn active_currents(&self, active: &ActiveBuses, ws: &mut Workspace) {
+        let n = self.plant.n();
+        let v = &mut ws.v_active;
+        v.fill(c64::ZERO);
+        for (i, &at) in active.at[..n].iter().enumerate() {
+            v[at as usize] += self.source[i] * c64::new(ws.e_re[i], ws.e_im[i]);
+        }
+        if let Some(&at) = active.at.get(n) {
+            v[at as usize] += self.tie;
+        }
+        active.solve.solve(v);
+        for (i, &at) in active.at[..n].iter().enumerate() {
+            let current = self.source[i] * (c64::new(ws.e_re[i], ws.e_im[i]) - v[at as usize]);
+            (ws.i_re[i], ws.i_im[i]) = (current.re, current.im);
         }
     }
 
@@ -185,34 +229,20 @@ impl Network {
         }
     }
 
-    /// n x (n + 1) reduced admittances of the impedance network, row after row, the main grid last, pu.
-    pub fn reduced(&self) -> Vec<c64> {
-        let n = self.plant.n();
-        let mut Y = vec![c64::ZERO; n * (n + 1)];
-        if let Some(reduction) = &self.reduction {
-            for i in 0..n {
-                for s in 0..=n {
-                    Y[i * (n + 1) + s] = reduction.admittance(i, s);
-                }
-            }
-            return Y;
-        }
-        let mut scratch = self.lu.scratch(1);
-        let mut column = vec![c64::ZERO; self.plant.n_bus()];
-        for s in 0..=n {
-            column.fill(c64::ZERO);
-            match (s < n, self.plant.tie) {
-                (true, _) => column[self.plant.bess_bus[s]] = self.source[s],
-                (false, Some((bus, _))) => column[bus] = self.tie,
-                (false, None) => {}
-            }
-            self.lu.solve(&mut column, &mut scratch);
-            for i in 0..n {
-                let own = if i == s { self.source[i] } else { c64::ZERO };
-                Y[i * (n + 1) + s] = own - self.source[i] * column[self.plant.bess_bus[i]];
-            }
-        }
-        Y
+    /// Bus admittance matrix with loads, sources and tie in it, pu.
+    pub(super) fn matrix(&self) -> &SparseMatrix {
+        &self.matrix
+    }
+
+    /// Admittance 1 / (j X_c) of source `i` (from 0), pu.
+    pub(super) fn source_admittance(&self, i: usize) -> c64 {
+        self.source[i]
+    }
+
+    /// Complex powers of the sources at these source and bus voltages, pu.
+    pub(super) fn source_powers(&self, E: &[c64], v: &[c64]) -> Vec<c64> {
+        let bus = &self.plant.bess_bus;
+        (0..E.len()).map(|i| E[i] * (self.source[i] * (E[i] - v[bus[i]])).conj()).collect()
     }
 
     /// Power (P, Q) that the main grid sends into the network, measured at the tie's bus, from the bus

@@ -20,6 +20,8 @@ pub struct Plant {
     pub(crate) live: Vec<bool>,
     /// Position of each BESS's bus, from 0.
     pub(crate) bess_bus: Vec<usize>,
+    /// Angle of each bus in the power flow, rad: where the search for a steady state starts.
+    pub(crate) angle: Vec<f64>,
     /// Position of the tie's bus, from 0, and the tie's reactance, pu.
     pub(crate) tie: Option<(usize, f64)>,
     /// Loads whose current is not proportional to their voltage.
@@ -89,7 +91,8 @@ impl Plant {
             }
         }
         let live = case.bus.iter().map(|bus| bus.kind != ISOLATED).collect();
-        Ok(Self { admittance, diagonal, live, bess_bus, tie: None, nonlinear, load_model })
+        let angle = solution.va;
+        Ok(Self { admittance, diagonal, live, bess_bus, angle, tie: None, nonlinear, load_model })
     }
 
     /// Currents of the loads that are not impedances at their voltages `v`, less what the matrix holds
@@ -98,6 +101,14 @@ impl Plant {
         for (k, load) in self.nonlinear.iter().enumerate() {
             j[k] = -v[k] * self.not_held(load, v[k].norm_sqr().sqrt());
         }
+    }
+
+    /// Tangent of such a load's current in [`Self::load_currents`], from that of its voltage `v`: by d abs(v) too.
+    pub(crate) fn load_current_rate(&self, load: &NonlinearLoad, v: c64, dv: c64) -> c64 {
+        let magnitude = v.norm_sqr().sqrt();
+        let rate = if magnitude > 0.0 { (v.re * dv.re + v.im * dv.im) / magnitude } else { 0.0 };
+        let slope = load.admittance * self.load_model.admittance_slope(magnitude, load.v0);
+        -(dv * self.not_held(load, magnitude) + v * slope * rate)
     }
 
     /// Admittance of such a load at voltage magnitude `v`, less what the matrix holds of it, pu.

@@ -19,6 +19,9 @@ pub struct Reduction {
     i_tie: Vec<(f64, f64)>,
     /// n_bus x (n + 1): bus voltages from the sources, the main grid last.
     transfer: Vec<c64>,
+    /// The same, real and imaginary parts apart.
+    transfer_re: Vec<f64>,
+    transfer_im: Vec<f64>,
     /// n_bus x n_load: bus voltages from currents at the loads that are not impedances.
     z_load: Vec<c64>,
     /// n_load x n_load: the rows of `z_load` at those loads, real and imaginary parts.
@@ -40,11 +43,13 @@ impl Reduction {
             b: vec![0.0; n * n],
             i_tie: vec![(0.0, 0.0); n],
             transfer: vec![c64::ZERO; n_bus * (n + 1)],
+            transfer_re: vec![0.0; n_bus * (n + 1)],
+            transfer_im: vec![0.0; n_bus * (n + 1)],
             z_load: vec![c64::ZERO; n_bus * n_load],
             r_load: vec![0.0; n_load * n_load],
             x_load: vec![0.0; n_load * n_load],
             from_load: vec![c64::ZERO; n * n_load],
-            scratch: lu.scratch((n + 1).max(n_load)),
+            scratch: lu.scratch(),
         }
     }
 
@@ -60,6 +65,9 @@ impl Reduction {
             self.transfer[n * n_bus + bus] = tie;
         }
         lu.solve(&mut self.transfer, &mut self.scratch);
+        for ((w, re), im) in self.transfer.iter().zip(&mut self.transfer_re).zip(&mut self.transfer_im) {
+            (*re, *im) = (w.re, w.im);
+        }
         for s in 0..n {
             for i in 0..n {
                 let own = if i == s { source[i] } else { c64::ZERO };
@@ -91,15 +99,6 @@ impl Reduction {
         let finite = self.g.iter().chain(&self.b).all(|x| x.is_finite())
             && self.transfer.iter().chain(&self.z_load).all(|z| z.is_finite());
         if finite { Ok(()) } else { Err(GridError::Singular { what: "the network with its present loads" }) }
-    }
-
-    /// The reduced admittance between source `i` and source `s` (`s = n`: the main grid), pu.
-    pub fn admittance(&self, i: usize, s: usize) -> c64 {
-        if s == self.n {
-            c64::new(self.i_tie[i].0, self.i_tie[i].1)
-        } else {
-            c64::new(self.g[s * self.n + i], self.b[s * self.n + i])
-        }
     }
 
     /// Source currents from the source voltages in the workspace.
@@ -148,12 +147,19 @@ impl Reduction {
 
     /// The same without the currents of loads that are not impedances.
     pub fn linear_voltages(&self, ws: &mut Workspace) {
-        ws.v.copy_from_slice(&self.transfer[self.n * self.n_bus..]);
-        for (s, column) in self.transfer.chunks_exact(self.n_bus).take(self.n).enumerate() {
-            let e = c64::new(ws.e_re[s], ws.e_im[s]);
-            for (v, w) in ws.v.iter_mut().zip(column) {
-                *v += w * e;
+        let n_bus = self.n_bus;
+        let (v_re, v_im) = (&mut ws.bus_re[..n_bus], &mut ws.bus_im[..n_bus]);
+        v_re.copy_from_slice(&self.transfer_re[self.n * n_bus..]);
+        v_im.copy_from_slice(&self.transfer_im[self.n * n_bus..]);
+        let columns = self.transfer_re.chunks_exact(n_bus).zip(self.transfer_im.chunks_exact(n_bus));
+        for ((w_re, w_im), (&re, &im)) in columns.zip(ws.e_re.iter().zip(&ws.e_im)) {
+            for b in 0..n_bus {
+                v_re[b] += w_re[b] * re - w_im[b] * im;
+                v_im[b] += w_re[b] * im + w_im[b] * re;
             }
+        }
+        for ((v, &re), &im) in ws.v.iter_mut().zip(&*v_re).zip(&*v_im) {
+            *v = c64::new(re, im);
         }
     }
 

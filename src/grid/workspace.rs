@@ -3,6 +3,7 @@
 //! before it reads.
 
 use super::lu::Scratch;
+use super::trigonometry::sin_cos;
 use faer::c64;
 
 /// Memory for evaluating a network; made by [`super::network::Network::workspace`].
@@ -16,8 +17,16 @@ pub struct Workspace {
     pub i_re: Vec<f64>,
     /// Imaginary part.
     pub i_im: Vec<f64>,
-    /// Bus voltages, pu; filled by `voltages`, and by `currents` of the sparse method.
+    /// Sines and cosines of the sources' angles.
+    sin: Vec<f64>,
+    cos: Vec<f64>,
+    /// Bus voltages, real and imaginary parts, of the dense method.
+    pub(super) bus_re: Vec<f64>,
+    pub(super) bus_im: Vec<f64>,
+    /// Bus voltages, pu; filled by `voltages`.
     pub v: Vec<c64>,
+    /// Voltages at the packed rows of the sparse method, pu.
+    pub(super) v_active: Vec<c64>,
     /// Voltages at the loads that are not impedances, pu.
     pub(super) v_load: Vec<c64>,
     /// The same without the currents of those loads.
@@ -33,13 +42,18 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    pub(super) fn new(n: usize, n_bus: usize, n_load: usize, scratch: Scratch) -> Self {
+    pub(super) fn new(n: usize, n_bus: usize, n_load: usize, n_active: usize, scratch: Scratch) -> Self {
         Self {
             e_re: vec![0.0; n],
             e_im: vec![0.0; n],
             i_re: vec![0.0; n],
             i_im: vec![0.0; n],
+            sin: vec![0.0; n],
+            cos: vec![0.0; n],
+            bus_re: vec![0.0; n_bus],
+            bus_im: vec![0.0; n_bus],
             v: vec![c64::ZERO; n_bus],
+            v_active: vec![c64::ZERO; n_active],
             v_load: vec![c64::ZERO; n_load],
             v_open: vec![c64::ZERO; n_load],
             j_load: vec![c64::ZERO; n_load],
@@ -55,18 +69,23 @@ impl Workspace {
         self.warm = false;
     }
 
-    /// Sets the voltage of source `i`: magnitude `V`, pu, angle `delta`, rad.
+    /// Sets the voltages of all sources: magnitudes `V`, pu, angles `delta`, rad.
     #[inline]
-    pub fn set_source(&mut self, i: usize, V: f64, delta: f64) {
-        let (sin, cos) = delta.sin_cos();
-        self.e_re[i] = V * cos;
-        self.e_im[i] = V * sin;
+    pub fn set_sources(&mut self, V: impl Iterator<Item = f64>, delta: &[f64]) {
+        sin_cos(delta, &mut self.sin, &mut self.cos);
+        let directions = self.cos.iter().zip(&self.sin);
+        let voltages = self.e_re.iter_mut().zip(&mut self.e_im);
+        for (((re, im), (cos, sin)), V) in voltages.zip(directions).zip(V) {
+            *re = V * cos;
+            *im = V * sin;
+        }
     }
 
-    /// Instantaneous power (p, q) of source `i`, pu, q positive inductive.
+    /// Instantaneous powers (p, q) of the sources, pu, q positive inductive.
     #[inline]
-    pub fn power(&self, i: usize) -> (f64, f64) {
-        let (er, ei, ir, ii) = (self.e_re[i], self.e_im[i], self.i_re[i], self.i_im[i]);
-        (er * ir + ei * ii, ei * ir - er * ii)
+    pub fn powers(&self) -> impl Iterator<Item = (f64, f64)> {
+        let voltages = self.e_re.iter().zip(&self.e_im);
+        let currents = self.i_re.iter().zip(&self.i_im);
+        voltages.zip(currents).map(|((er, ei), (ir, ii))| (er * ir + ei * ii, ei * ir - er * ii))
     }
 }

@@ -120,6 +120,12 @@ pub enum CouplingError {
     #[error("{place}: {to} already has the source {first}; expected one source for each input")]
     TwoSources { place: String, to: Endpoint, first: String },
 
+    #[error("{name} is in {declared} by its model description; found {found}; expected {expected}")]
+    Unit { name: Endpoint, declared: String, found: String, expected: String },
+
+    #[error("{name} {found}; expected {expected}{hint}")]
+    Open { name: Endpoint, found: &'static str, expected: String, hint: String },
+
     #[error("{to} could be fed by the output of that name of {sources}; connect it explicitly")]
     Ambiguous { to: Endpoint, sources: String },
 

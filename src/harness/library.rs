@@ -154,8 +154,8 @@ impl LoadedLibrary {
     /// Loads the library of an FMU unpacked at `folder`. Loading runs code of the FMU.
     pub fn load(folder: &Path, description: &ModelDescription) -> Result<Self, LibraryError> {
         let path = find(folder, &description.model_identifier)?;
-        let library = open(&path)
-            .map_err(|error| LibraryError::Load { path: path.clone(), reason: error.to_string() })?;
+        let library =
+            open(&path).map_err(|error| LibraryError::Load { path: path.clone(), reason: reason(&error) })?;
         let functions = Functions::resolve(&library)
             .map_err(|missing| LibraryError::Missing { path: path.clone(), missing })?;
         // SAFETY: both take nothing and return a static string or NULL.
@@ -185,6 +185,18 @@ fn open(path: &Path) -> Result<Library, libloading::Error> {
 fn open(path: &Path) -> Result<Library, libloading::Error> {
     // SAFETY: the library's constructors run; the user chose to run this FMU.
     unsafe { Library::new(path) }
+}
+
+/// What the system's loader says, which names the missing symbol or file, and what to do about Python's.
+fn reason(error: &libloading::Error) -> String {
+    let text = std::error::Error::source(error).map_or_else(|| error.to_string(), ToString::to_string);
+    if text.contains("undefined symbol: Py") || text.contains("undefined symbol: _Py") {
+        return format!(
+            "{text}; the FMU leaves Python to its host: start with LD_PRELOAD=/path/to/libpython3.so and with \
+             PYTHONPATH for its packages"
+        );
+    }
+    text
 }
 
 /// The library's absolute path.

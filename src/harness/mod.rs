@@ -3,6 +3,7 @@
 //! never lets C reach past [`library`], [`logger`] and [`slave`].
 
 pub mod archive;
+mod closed_loop;
 pub mod coupling;
 mod csv;
 pub mod description;
@@ -39,6 +40,6 @@ pub use observer::{Column, Experiment, FanOut, Observer, ObserverError, Progress
 pub use participant::{CallError, Participant, StateHandle};
 pub use plan::{Algorithm, Event, Plan, Setting};
 pub use recorder::Recorder;
-pub use scenario::{CONTROLLER, Cast, GRID, Origin, stage};
+pub use scenario::{CONTROLLER, Cast, GRID, Origin, plan as scenario_plan, stage};
 pub use slave::Slave;
 pub use value::{Kind, Value};

@@ -1,6 +1,7 @@
 //! A scenario as something that runs: who takes part, what is connected, what happens when. Computes
 //! nothing and writes nothing.
 
+use super::closed_loop;
 use super::coupling::{Connection, Endpoint, connect};
 use super::description::Causality;
 use super::error::HarnessError;
@@ -45,25 +46,36 @@ pub struct Cast {
 /// An FMU gets the scenario's parameters where it has parameters of those names, so that a changed
 /// scenario also changes what an FMU exported earlier does.
 pub fn stage(resolved: &Resolved, cast: &Cast) -> Result<(Vec<Box<dyn Participant>>, Plan), HarnessError> {
-    let own: [Box<dyn Participant>; 2] = [
-        in_process(CONTROLLER, Controller::new(Controller::resource(resolved)))?,
-        in_process(GRID, Grid::new(Grid::resource(resolved)))?,
+    let own = [
+        in_process(CONTROLLER, Controller::new(Controller::resource(resolved))),
+        in_process(GRID, Grid::resource(resolved).and_then(Grid::new)),
     ];
 
     let mut participants: Vec<Box<dyn Participant>> = Vec::with_capacity(2);
     let mut initial = Vec::new();
-    for (own, origin) in own.into_iter().zip([&cast.controller, &cast.grid]) {
+    for ((own, origin), name) in own.into_iter().zip([&cast.controller, &cast.grid]).zip([CONTROLLER, GRID]) {
         match origin {
-            Origin::InProcess => participants.push(own),
+            Origin::InProcess => participants.push(own?),
             Origin::Fmu(path) => {
-                let slave = Fmu::open(path)?.instantiate(own.name())?;
-                initial.extend(parameters(own.as_ref(), &slave));
+                let slave = Fmu::open(path)?.instantiate(name)?;
+                // Without a network there is no grid of our own whose parameters could be passed on.
+                if name == CONTROLLER || resolved.grid.is_some() {
+                    initial.extend(parameters(own?.as_ref(), &slave));
+                }
                 participants.push(Box::new(slave));
             }
         }
     }
     let plan = plan(resolved, &participants, initial)?;
     Ok((participants, plan))
+}
+
+impl Cast {
+    /// Who takes part according to the scenario itself.
+    pub fn of(resolved: &Resolved) -> Self {
+        let origin = |fmu: Option<PathBuf>| fmu.map_or(Origin::InProcess, Origin::Fmu);
+        Self { controller: origin(resolved.controller_fmu()), grid: origin(resolved.grid_fmu()) }
+    }
 }
 
 fn in_process<M: Model>(
@@ -95,24 +107,26 @@ fn names_of_parameters(participant: &dyn Participant) -> impl Iterator<Item = &s
     variables.filter(|v| v.causality == Causality::Parameter).map(|v| v.name.as_str())
 }
 
-fn plan(
+/// The plan that couples these participants, called [`CONTROLLER`] and [`GRID`], as the scenario has it;
+/// `initial` comes before the scenario's own values. Refuses a loop in which a unit or a measurement is amiss.
+pub fn plan(
     resolved: &Resolved,
     participants: &[Box<dyn Participant>],
     mut initial: Vec<Setting>,
 ) -> Result<Plan, HarnessError> {
     let scenario = &resolved.scenario;
-    let table: Vec<Connection> = scenario
-        .connections
+    let table: Vec<Connection> = resolved
+        .wires
         .iter()
-        .map(|c| Connection {
-            from: endpoint(&c.from),
-            to: endpoint(&c.to),
-            factor: c.factor,
-            offset: c.offset,
+        .map(|wire| Connection {
+            from: endpoint(&wire.from),
+            to: endpoint(&wire.to),
+            factor: wire.factor,
+            offset: wire.offset,
         })
         .collect();
     initial.extend(settings(&scenario.initial));
-    Ok(Plan {
+    let plan = Plan {
         start_ns: 0,
         stop_ns: resolved.stop_ns(),
         step_ns: resolved.step_ns(),
@@ -127,7 +141,11 @@ fn plan(
             .iter()
             .map(|event| Event { at_ns: nanoseconds(event.at_s), sets: settings(&event.set) })
             .collect(),
-    })
+    };
+    closed_loop::check_table(participants, &plan.connections)?;
+    closed_loop::check_units(participants, &resolved.wires, &plan.connections)?;
+    closed_loop::check_sources(participants, &plan, resolved)?;
+    Ok(plan)
 }
 
 /// `grid.dP_load[12]` as participant and variable; the participant's name ends at the first dot.

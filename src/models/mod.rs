@@ -8,6 +8,7 @@
 mod controller;
 #[cfg(feature = "grid")]
 mod grid;
+mod planes;
 mod resource;
 mod variables;
 

@@ -20,7 +20,7 @@ pub fn group<M>(
     Group {
         name,
         description,
-        unit: None,
+        unit: matches!(access, Access::Real(..)).then_some(Unit::One),
         count: None,
         causality,
         variability,

@@ -12,8 +12,7 @@ pub type Entries = BTreeMap<String, Vec<u8>>;
 
 /// Writes the archive; it appears under `path` only when it is whole.
 pub fn write(path: &Path, entries: &Entries) -> Result<(), PackageError> {
-    let bytes = to_bytes(entries)
-        .map_err(|cause| PackageError::Archive { file: path.into(), cause: cause.to_string() })?;
+    let bytes = packed(path, entries)?;
     let io = |cause| PackageError::Write { file: path.into(), cause };
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder).map_err(io)?;
@@ -27,6 +26,11 @@ pub fn write(path: &Path, entries: &Entries) -> Result<(), PackageError> {
     }
     file.persist(path).map_err(|e| io(e.error))?;
     Ok(())
+}
+
+/// The bytes of the archive; `path` is for messages.
+pub fn packed(path: &Path, entries: &Entries) -> Result<Vec<u8>, PackageError> {
+    to_bytes(entries).map_err(|cause| PackageError::Archive { file: path.into(), cause: cause.to_string() })
 }
 
 fn to_bytes(entries: &Entries) -> zip::result::ZipResult<Vec<u8>> {

@@ -1,8 +1,11 @@
-//! The `.fmu` archives: model description, shared library, resources, licence, put together for one scenario.
+//! The `.fmu` archives: model description, shared library, resources, documentation, put together for one
+//! scenario; and the `.ssp` archive of both, connected.
 #![forbid(unsafe_code)]
 
 mod archive;
+mod documentation;
 mod libraries;
+mod system;
 
 use crate::fmi::lookup::RegistryError;
 use crate::fmi::{Interface, Model, ModelError, model_description};
@@ -11,6 +14,8 @@ use crate::scenario::Resolved;
 use archive::Entries;
 pub use libraries::{Libraries, PLATFORM, library_file_name};
 use std::path::{Path, PathBuf};
+
+pub use system::{SystemError, write_system};
 
 /// Why an archive was not written.
 #[derive(Debug, thiserror::Error)]
@@ -63,38 +68,70 @@ pub enum PackageError {
     /// The model's variables do not make an interface.
     #[error(transparent)]
     Interface(#[from] RegistryError),
+    /// The scenario's values or connections do not fit the FMUs.
+    #[error(transparent)]
+    System(#[from] SystemError),
 }
 
 /// Writes `BessConsensus.fmu` for a scenario.
-pub fn write_controller(path: &Path, resolved: &Resolved, libraries: &Libraries) -> Result<(), PackageError> {
-    let resource = Controller::resource(resolved);
-    let json = resource.to_json()?;
-    write(path, &Controller::new(resource)?, (Controller::RESOURCE, json), libraries)
+pub fn write_controller(
+    path: &Path,
+    resolved: &Resolved,
+    interface: Interface,
+    libraries: &Libraries,
+) -> Result<(), PackageError> {
+    archive::write(path, &controller(resolved, interface, libraries)?.1)
 }
 
 /// Writes `BessGrid.fmu` for a scenario.
-pub fn write_grid(path: &Path, resolved: &Resolved, libraries: &Libraries) -> Result<(), PackageError> {
-    let resource = Grid::resource(resolved);
-    let json = resource.to_json()?;
-    write(path, &Grid::new(resource)?, (Grid::RESOURCE, json), libraries)
-}
-
-fn write<M: Model>(
+pub fn write_grid(
     path: &Path,
-    model: &M,
-    (resource, json): (&str, Vec<u8>),
+    resolved: &Resolved,
+    interface: Interface,
     libraries: &Libraries,
 ) -> Result<(), PackageError> {
+    archive::write(path, &grid(resolved, interface, libraries)?.1)
+}
+
+fn controller(
+    resolved: &Resolved,
+    interface: Interface,
+    libraries: &Libraries,
+) -> Result<(Controller, Entries), PackageError> {
+    let resource = Controller::resource(resolved);
+    let json = resource.to_json()?;
+    let model = Controller::new(resource)?;
+    let entries =
+        entries(&model, interface, (Controller::RESOURCE, json), &documentation::CONTROLLER, libraries)?;
+    Ok((model, entries))
+}
+
+fn grid(
+    resolved: &Resolved,
+    interface: Interface,
+    libraries: &Libraries,
+) -> Result<(Grid, Entries), PackageError> {
+    let resource = Grid::resource(resolved)?;
+    let json = resource.to_json()?;
+    let model = Grid::new(resource)?;
+    let entries = entries(&model, interface, (Grid::RESOURCE, json), &documentation::GRID, libraries)?;
+    Ok((model, entries))
+}
+
+/// What an `.fmu` holds.
+fn entries<M: Model>(
+    model: &M,
+    interface: Interface,
+    (resource, json): (&str, Vec<u8>),
+    papers: &documentation::Papers,
+    libraries: &Libraries,
+) -> Result<Entries, PackageError> {
     let mut entries: Entries = [
-        (
-            "modelDescription.xml".to_owned(),
-            model_description::write(model, Interface::Structured)?.into_bytes(),
-        ),
+        ("modelDescription.xml".to_owned(), model_description::write(model, interface)?.into_bytes()),
         (format!("resources/{resource}"), json),
-        ("documentation/licenses/LICENSE-MIT".to_owned(), include_bytes!("../../LICENSE-MIT").to_vec()),
-        ("documentation/licenses/LICENSE-APACHE".to_owned(), include_bytes!("../../LICENSE-APACHE").to_vec()),
     ]
     .into();
     entries.extend(libraries.of(M::IDENTIFIER)?);
-    archive::write(path, &entries)
+    entries.extend(documentation::entries(model, interface, papers)?);
+    Ok(entries)
 }

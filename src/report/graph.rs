@@ -91,7 +91,9 @@ impl GraphFigure {
         }
         let mut object = Map::new();
         object.insert("data".to_owned(), Value::Array(data));
-        object.insert("layout".to_owned(), serde_json::to_value(self.layout(frame, leader))?);
+        let weights: Vec<String> =
+            self.edges.iter().map(|edge| super::format_value(edge.weight, 2)).collect();
+        object.insert("layout".to_owned(), serde_json::to_value(self.layout(frame, leader, &weights))?);
         Ok(object)
     }
 
@@ -100,7 +102,7 @@ impl GraphFigure {
         HEIGHT
     }
 
-    fn check(&self) -> Result<(), ReportError> {
+    pub(super) fn check(&self) -> Result<(), ReportError> {
         let no_node = |place: String, found| ReportError::NoSuchNode {
             graph: self.title.clone(),
             place,
@@ -136,7 +138,7 @@ impl GraphFigure {
         self.nodes.get(node).map(|n| (n.x, n.y))
     }
 
-    fn frame(&self) -> Frame {
+    pub(super) fn frame(&self) -> Frame {
         let range = |values: &mut dyn Iterator<Item = f64>| {
             values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
         };
@@ -206,7 +208,8 @@ impl GraphFigure {
         )?)
     }
 
-    fn layout(&self, frame: Frame, leader: Option<(f64, f64)>) -> Layout {
+    /// `texts` stand in the middle of the edges, one each.
+    pub(super) fn layout(&self, frame: Frame, leader: Option<(f64, f64)>, texts: &[String]) -> Layout {
         let range = self.range(frame, leader);
         // The plot area gives way to keep the scales equal; else a range would grow at every resize.
         let hidden = || Axis::new().visible(false).constrain(AxisConstrain::Domain);
@@ -223,7 +226,7 @@ impl GraphFigure {
             .x_axis(hidden().range(AxisRange::new(range.x.0, range.x.1)))
             .y_axis(hidden().range(AxisRange::new(range.y.0, range.y.1)).scale_anchor("x").scale_ratio(1.0))
             .shapes(self.shades(frame))
-            .annotations(labels(self, leader, range))
+            .annotations(labels(self, texts, leader, range))
     }
 
     /// A light rectangle behind each cluster.

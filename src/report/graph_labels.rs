@@ -1,7 +1,7 @@
 //! Names and weights in the drawing of a graph, each where it hides least.
 
 use super::graph::{Frame, GraphFigure, HEIGHT};
-use super::{escape, format_value, palette};
+use super::{escape, palette};
 use plotly::common::{Anchor, Font};
 use plotly::layout::Annotation;
 
@@ -19,8 +19,13 @@ const LINE_HEIGHT: f64 = 17.0;
 const BESIDE: f64 = 13.0;
 const APART: f64 = 21.0;
 
-/// Weights in the middle of the edges, names beside the agents.
-pub(super) fn labels(graph: &GraphFigure, leader: Option<(f64, f64)>, range: Frame) -> Vec<Annotation> {
+/// Texts (weights, lengths) in the middle of the edges, one each; names beside the agents.
+pub(super) fn labels(
+    graph: &GraphFigure,
+    texts: &[String],
+    leader: Option<(f64, f64)>,
+    range: Frame,
+) -> Vec<Annotation> {
     let mut labels = Vec::new();
     let pixels = Pixels::of(range);
     let mut taken = Vec::new();
@@ -32,17 +37,16 @@ pub(super) fn labels(graph: &GraphFigure, leader: Option<(f64, f64)>, range: Fra
         taken.extend(along(pixels.at(from), pixels.at(to)));
     }
     if graph.edges.len() <= MAX_WEIGHT_LABELS {
-        for edge in &graph.edges {
+        for (edge, text) in graph.edges.iter().zip(texts) {
             if let Some((a, b)) = ends(edge.a, edge.b) {
                 let middle = ((a.0 + b.0) / 2.0, (a.1 + b.1) / 2.0);
-                let text = format_value(edge.weight, 2);
                 taken.push(Area::around(
                     pixels.at(middle),
                     text.chars().count() as f64 * CHAR_WIDTH,
                     LINE_HEIGHT,
                     4.0,
                 ));
-                labels.push(label(middle, &text, palette::INK_SOFT, 11));
+                labels.push(label(middle, text, palette::INK_SOFT, 11));
             }
         }
     }

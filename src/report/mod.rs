@@ -19,6 +19,7 @@ mod page;
 mod palette;
 mod phases;
 mod standard;
+mod tree;
 
 pub use columns::Columns;
 pub use decimate::{decimate, decimate_shared};
@@ -29,6 +30,7 @@ pub use graph_layout::cluster_layout;
 pub use palette::{color_of, dash_of};
 pub use phases::{Phase, PhaseOptions, format_value, phase_table, phases};
 pub use standard::{Agents, ERROR_FLOOR, MAX_LINES, error_systems, five_states};
+pub use tree::{Branch, TreeFigure};
 
 /// One page. All texts are plain text: markup in them is shown, never obeyed.
 #[derive(Clone, Debug, Default)]
@@ -72,6 +74,8 @@ pub enum Item {
     Figure(Figure),
     /// A communication graph.
     Graph(GraphFigure),
+    /// A spanning tree with its cuts.
+    Tree(TreeFigure),
 }
 
 /// Rows and columns of text; a cell that reads as a number is set flush right.

@@ -111,6 +111,10 @@ fn write_section(html: &mut String, section: &Section, figures: &mut Vec<Value>)
                 let id = write_place(html, figures.len(), &graph.title, graph.height(), &graph.note);
                 figures.push(with_id(graph.to_json()?, id));
             }
+            Item::Tree(tree) => {
+                let id = write_place(html, figures.len(), &tree.title, tree.height(), &tree.note);
+                figures.push(with_id(tree.to_json()?, id));
+            }
         }
     }
     html.push_str("</section>\n");

@@ -2,9 +2,11 @@
 //! unit on the system base unless the name ends in a unit. Agents, buses and topologies count from 1.
 //! Only shapes and defaults stand here; what values mean is checked in `resolve`.
 
+use super::connection::Connection;
+use super::units::Bases;
 use crate::control::communication::{ExplicitTopology, Inside, StepByStepTopology, Weights};
 use crate::control::config::{
-    Channel, Discretisation, Gains, Law, MeasurementFilter, SocLimits, VoltagePolicy,
+    Channel, Discretisation, EXCHANGE_FADE_S, Gains, Law, MeasurementFilter, SocLimits, VoltagePolicy,
 };
 use crate::grid::{LoadModel, NetworkMethod, Tolerances};
 use schemars::JsonSchema;
@@ -49,7 +51,8 @@ pub struct Scenario {
     /// The network.
     #[serde(default)]
     pub grid: Grid,
-    /// Values set before the start: `"controller.enable": true`.
+    /// Values set before the start: `"controller.enable": true`, and for every battery with a placeholder of
+    /// `connections`: `"controller.E[{i}]": 0.35`.
     #[serde(default)]
     pub initial: Map<String, Value>,
     /// What happens when.
@@ -59,6 +62,9 @@ pub struct Scenario {
     /// equal-name connection into the same input.
     #[serde(default)]
     pub connections: Vec<Connection>,
+    /// What 1 pu is, where a connection names units.
+    #[serde(default)]
+    pub bases: Bases,
     /// Variants of this scenario that are run beside it and shown in the report.
     #[serde(default)]
     pub compare: Vec<Variant>,
@@ -167,6 +173,9 @@ impl Bess {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Control {
+    /// FMU of another controller in the place of the built-in one, relative to the scenario file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fmu: Option<String>,
     /// Exponent of the sign power, in (0, 1]; 1 is the asymptotic law.
     pub eta: f64,
     /// Gains of the five inputs.
@@ -200,6 +209,8 @@ pub struct Control {
     /// Time in which the last exchange over a lost link fades, s; without it, it is held.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lost_link_fade_s: Option<f64>,
+    /// Time in which the energy exchange fades in after enabling, and when links come and go, s.
+    pub exchange_fade_s: f64,
     /// Jitter and loss of messages, seeded.
     pub channel: Channel,
 }
@@ -207,6 +218,7 @@ pub struct Control {
 impl Default for Control {
     fn default() -> Self {
         Self {
+            fmu: None,
             eta: 0.5,
             gains: Gains::default(),
             delay_s: 0.0,
@@ -221,6 +233,7 @@ impl Default for Control {
             measurement_filter: MeasurementFilter::default(),
             no_circulation: false,
             lost_link_fade_s: None,
+            exchange_fade_s: EXCHANGE_FADE_S,
             channel: Channel::default(),
         }
     }
@@ -270,7 +283,11 @@ pub enum Distance {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Grid {
-    /// `case57`, or a MATPOWER case as `.json` or `.m`, relative to the scenario file.
+    /// FMU of another grid model in the place of the built-in one, relative to the scenario file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fmu: Option<String>,
+    /// `case57`, or a MATPOWER case as `.json` or `.m`, relative to the scenario file; `none` where an FMU is the
+    /// grid and nothing else is to be known of the network.
     pub case: String,
     /// Cutoff frequency of the power measurement, rad/s.
     pub omega_c: f64,
@@ -289,6 +306,7 @@ pub struct Grid {
 impl Default for Grid {
     fn default() -> Self {
         Self {
+            fmu: None,
             case: "case57".into(),
             omega_c: 31.415_926_535_897_9,
             f_nominal_hz: 60.0,
@@ -328,22 +346,6 @@ pub struct Event {
     pub label: String,
     /// Variables and their new values: `"grid.dP_load[12]": -0.5`.
     pub set: Map<String, Value>,
-}
-
-/// One wire from an output to an input, with a change of unit: `input = factor * output + offset`.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Connection {
-    /// `grid.NAME` or `controller.NAME`, an output.
-    pub from: String,
-    /// `grid.NAME` or `controller.NAME`, an input.
-    pub to: String,
-    /// Factor, 1 when left out: 0.01 from MW to pu on 100 MVA.
-    #[serde(default = "one")]
-    pub factor: f64,
-    /// Added after the factor.
-    #[serde(default)]
-    pub offset: f64,
 }
 
 /// The same scenario with some keys changed.

@@ -2,6 +2,7 @@
 //! writes none.
 #![forbid(unsafe_code)]
 
+pub mod connection;
 pub mod document;
 mod error;
 mod extends;
@@ -9,6 +10,7 @@ mod load;
 mod resolve;
 mod resolve_control;
 mod resolve_grid;
+pub mod units;
 
 pub use document::Scenario;
 pub use error::ScenarioError;

@@ -1,11 +1,13 @@
 //! From the scenario to the configurations of controller and grid, checked whole before anything is written.
 
+use super::connection::{self, Batteries, Wire};
 use super::document::{Grid, Scenario};
 use super::error::ScenarioError;
 use super::load::{Source, find, read};
 use super::{resolve_control, resolve_grid};
 use crate::{control, grid};
 use serde_json::{Map, Value};
+use std::path::PathBuf;
 
 /// A scenario that can be run: everything in it was checked.
 #[derive(Clone, Debug)]
@@ -16,8 +18,10 @@ pub struct Resolved {
     pub source: Source,
     /// The controller.
     pub control: control::Config,
-    /// The grid.
-    pub grid: grid::Config,
+    /// The built-in grid model; none where `grid.case` is "none", for an FMU takes its place.
+    pub grid: Option<grid::Config>,
+    /// The connection table, wire by wire.
+    pub wires: Vec<Wire>,
 }
 
 impl Resolved {
@@ -28,13 +32,25 @@ impl Resolved {
 
     /// Reads and checks a scenario that was found.
     pub fn of(source: &Source, set: &Map<String, Value>) -> Result<Self, ScenarioError> {
-        let scenario = read(source, set)?;
+        let mut scenario = read(source, set)?;
         check_frame(&scenario, &source.origin)?;
+        name_every_battery(&mut scenario, &source.origin)?;
         let grid = resolve_grid::grid(&scenario, source)?;
         let control = resolve_control::control(&scenario, &source.origin, || {
-            resolve_grid::electrical_distances(&grid, &source.origin)
+            resolve_grid::electrical_distances(grid.as_ref(), &source.origin)
         })?;
-        Ok(Self { scenario, source: source.clone(), control, grid })
+        let wires = connection::wires(&scenario, grid.as_ref(), &source.origin)?;
+        Ok(Self { scenario, source: source.clone(), control, grid, wires })
+    }
+
+    /// The FMU that the scenario puts in the controller's place.
+    pub fn controller_fmu(&self) -> Option<PathBuf> {
+        self.scenario.control.fmu.as_ref().map(|file| self.source.folder.join(file))
+    }
+
+    /// The FMU that the scenario puts in the grid's place.
+    pub fn grid_fmu(&self) -> Option<PathBuf> {
+        self.scenario.grid.fmu.as_ref().map(|file| self.source.folder.join(file))
     }
 
     /// The communication step, ns.
@@ -110,14 +126,24 @@ fn check_frame(scenario: &Scenario, origin: &str) -> Result<(), ScenarioError> {
     for (variable, value) in &scenario.initial {
         check_value(&format!("initial.{variable}"), value, origin)?;
     }
-    for (k, connection) in scenario.connections.iter().enumerate() {
-        for (key, value) in [("factor", connection.factor), ("offset", connection.offset)] {
-            if !value.is_finite() {
-                return wrong(format!("connections[{k}].{key}"), value.to_string(), "a finite number");
-            }
-        }
-    }
     Ok(())
+}
+
+/// Fills in the placeholders of `initial` and of the events.
+fn name_every_battery(scenario: &mut Scenario, origin: &str) -> Result<(), ScenarioError> {
+    let batteries = Batteries::new(scenario);
+    let fill = |path: &str, set: &mut Map<String, Value>| {
+        let mut filled = Map::new();
+        for (name, value) in set.iter() {
+            let names = batteries.expand(name, &format!("{path}.{name}"), origin)?;
+            filled.extend(names.into_iter().map(|name| (name, value.clone())));
+        }
+        *set = filled;
+        Ok(())
+    };
+    fill("initial", &mut scenario.initial)?;
+    let mut events = scenario.events.iter_mut().enumerate();
+    events.try_for_each(|(k, event)| fill(&format!("events[{k}].set"), &mut event.set))
 }
 
 fn check_value(path: &str, value: &Value, origin: &str) -> Result<(), ScenarioError> {

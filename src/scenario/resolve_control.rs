@@ -108,6 +108,7 @@ pub fn control(
         measurement_filter: c.measurement_filter,
         no_circulation: c.no_circulation,
         lost_link_fade_s: c.lost_link_fade_s,
+        exchange_fade_s: c.exchange_fade_s,
         channel: c.channel,
     };
     config.validate().map_err(|error| moved(origin, &error))?;

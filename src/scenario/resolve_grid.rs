@@ -5,8 +5,11 @@ use super::error::ScenarioError;
 use super::load::Source;
 use crate::grid::{self, Bess, Case, CaseSource, Config, GridError, Tie};
 
-/// The checked configuration.
-pub fn grid(scenario: &Scenario, source: &Source) -> Result<Config, ScenarioError> {
+/// The checked configuration; none for the case "none".
+pub fn grid(scenario: &Scenario, source: &Source) -> Result<Option<Config>, ScenarioError> {
+    if scenario.grid.case == "none" {
+        return Ok(None);
+    }
     let config = Config {
         case: case(scenario, source)?,
         bess: scenario
@@ -31,11 +34,19 @@ pub fn grid(scenario: &Scenario, source: &Source) -> Result<Config, ScenarioErro
         tolerances: scenario.grid.tolerances,
     };
     config.validate().map_err(|error| moved(&source.origin, &error))?;
-    Ok(config)
+    Ok(Some(config))
 }
 
 /// abs(Z_ii + Z_jj - 2 Z_ij) between the batteries' buses, n x n, pu.
-pub fn electrical_distances(config: &Config, origin: &str) -> Result<Vec<Vec<f64>>, ScenarioError> {
+pub fn electrical_distances(config: Option<&Config>, origin: &str) -> Result<Vec<Vec<f64>>, ScenarioError> {
+    let config = config.ok_or_else(|| ScenarioError::Value {
+        origin: origin.into(),
+        path: "communication.distance".into(),
+        found: "\"electrical\" with grid.case \"none\"".into(),
+        expected:
+            "{\"given\": [[...]]}, \"euclidean\", or `communication.graphs`: there is no network to measure"
+                .into(),
+    })?;
     let buses: Vec<u64> = config.bess.iter().map(|b| b.bus).collect();
     config
         .case

@@ -4,8 +4,8 @@
 #![allow(clippy::panic, reason = "it is what some tests are about")]
 
 use bess_consensus::fmi::{
-    Access, Causality, Dependencies, Group, Log, LogLevel, Model, ModelError, Phase, Range, Step, Unit,
-    Variability,
+    Access, Along, Causality, Dependencies, Group, Log, LogLevel, Model, ModelError, Phase, Plane, Range,
+    Step, Unit, Variability,
 };
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -19,6 +19,7 @@ pub const STEP_FAILS: i32 = 2;
 pub const REFRESH_PANICS: i32 = 3;
 pub const REFRESH_FAILS: i32 = 4;
 pub const STEP_LOGS: i32 = 5;
+pub const DIFFERENTIATE_FAILS: i32 = 6;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
@@ -36,13 +37,14 @@ pub struct State {
     pub total: f64,
 }
 
+/// The shown plane, and the other one: while tangents are shown the two have changed places.
 #[derive(Clone)]
-pub struct Mock(pub State);
+pub struct Mock(pub State, State);
 
 impl Mock {
     pub fn with(n: usize) -> Self {
         let u: Vec<f64> = (0..n).map(|i| 1.0 + i as f64).collect();
-        Mock(State {
+        let values = State {
             x: vec![0.0; n],
             y: vec![0.0; n],
             u,
@@ -55,13 +57,15 @@ impl Mock {
             steps: 0,
             nanoseconds: 0,
             total: 0.0,
-        })
+        };
+        Mock(values.clone(), values)
     }
 }
 
 impl Model for Mock {
     const IDENTIFIER: &'static str = "Mock";
     const DESCRIPTION: &'static str = "First-order lags <for tests> & \"nothing\" else";
+    const HAS_TANGENTS: bool = true;
     type State = State;
 
     fn load(resources: &Path) -> Result<Self, ModelError> {
@@ -197,6 +201,45 @@ impl Model for Mock {
             self.0.x.clone_from(&self.0.x_start);
         }
         self.follow_inputs();
+        Ok(())
+    }
+
+    /// x' = (gain u - x) / tau with u = u_0 + du t, solved.
+    fn step_ramped(&mut self, step: Step, log: &mut dyn Log) -> Result<(), ModelError> {
+        let before = self.0.x.clone();
+        self.step(step, log)?;
+        let (s, du, t) = (&mut self.0, &self.1.u, step.duration_s());
+        if s.enable {
+            for i in 0..before.len() {
+                let rest = s.gain * (s.u[i] - du[i] * s.tau);
+                s.x[i] = rest + s.gain * du[i] * t + (before[i] - rest) * (-t / s.tau).exp();
+            }
+        }
+        Ok(())
+    }
+
+    fn look_at(&mut self, plane: Plane) {
+        std::mem::swap(&mut self.0, &mut self.1);
+        if plane == Plane::Tangents {
+            let d = &mut self.0;
+            for values in [&mut d.u, &mut d.x, &mut d.y, &mut d.x_start] {
+                values.fill(0.0);
+            }
+            (d.gain, d.tau, d.total) = (0.0, 0.0, 0.0);
+        }
+    }
+
+    fn differentiate(&mut self, along: Along, _: Phase) -> Result<(), ModelError> {
+        let Mock(d, s) = self;
+        if s.fault == DIFFERENTIATE_FAILS {
+            return Err(ModelError::new("the mock was told to fail in differentiate"));
+        }
+        for i in 0..s.x.len() {
+            let rate = if s.enable { (s.gain * s.u[i] - s.x[i]) / s.tau } else { 0.0 };
+            d.x[i] = if along == Along::Time { rate } else { 0.0 };
+            d.y[i] = d.x[i] + d.u[i];
+        }
+        d.total = d.u.iter().sum();
         Ok(())
     }
 

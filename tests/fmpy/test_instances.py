@@ -2,6 +2,8 @@
 
 import pathlib
 import shutil
+import subprocess
+import sys
 import threading
 
 import fmpy
@@ -120,6 +122,41 @@ def test_serialized_states_go_on_in_fresh_instances(make, delay):
         member.slave.setFMUstate(state)
         member.slave.freeFMUstate(state)
     assert run(new, 2.0, [], 1.0) == expected
+
+
+CHILD = """
+import pathlib, sys
+from fmus import Fmu, Pair
+root = pathlib.Path(sys.argv[1])
+members = [Fmu(sys.argv[2], "child"), Fmu(sys.argv[3], "child")]
+pair = Pair(*members).initialize()
+for member, name in zip(members, ["controller", "grid"]):
+    state = member.slave.deSerializeFMUstate((root / name).read_bytes())
+    member.slave.setFMUstate(state)
+    member.slave.freeFMUstate(state)
+trace = []
+pair.run(2.0, 0.01, [], lambda _: trace.extend(member.everything() for member in members), 1.0)
+(root / "trace").write_bytes(b"".join(trace))
+for member in members:
+    member.close()
+"""
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+def test_serialized_states_go_on_in_another_process(make, folders, tmp_path, delay):
+    """Histories and input derivatives that wait for their step go along."""
+    old = Pair(make("controller"), make("grid")).initialize(({"enable": True, "delay": delay}, {}))
+    run(old, 1.0)
+    waiting = [old.members[1].variables[f"dP_load[{b}]"].valueReference for b in [5, 12]]
+    old.members[1].slave.setRealInputDerivatives(waiting, [1, 1], [0.3, -2.0])
+    for member, name in zip(old.members, ["controller", "grid"]):
+        state = member.slave.getFMUstate()
+        (tmp_path / name).write_bytes(member.slave.serializeFMUstate(state))
+        member.slave.freeFMUstate(state)
+    expected = b"".join(b"".join(values) for values in run(old, 2.0, [], 1.0))
+    child = [sys.executable, "-c", CHILD, tmp_path, folders["controller"], folders["grid"]]
+    subprocess.run(child, check=True, cwd=pathlib.Path(__file__).parent)
+    assert (tmp_path / "trace").read_bytes() == expected
 
 
 @pytest.mark.parametrize("which", ["controller", "grid"])

@@ -25,6 +25,8 @@ pub enum Need {
     Python,
     /// A browser without a window.
     Chromium,
+    /// Threading Building Blocks, which the master Ecos is linked with.
+    Tbb,
     /// Compilers for every platform that an FMU can be for.
     CrossRust,
     /// A linker for Windows, and what lists the contents of its libraries.
@@ -33,6 +35,10 @@ pub enum Need {
     Wine,
     /// What runs programs for 64-bit Arm Linux, and their C library.
     QemuAarch64,
+    /// GNU Octave, which runs MATPOWER.
+    Octave,
+    /// Counts instructions.
+    Valgrind,
 }
 
 impl Need {
@@ -44,12 +50,15 @@ impl Need {
             Need::Libclang => std::env::var_os("LIBCLANG_PATH").is_some() || find_libclang(Path::new("/usr")),
             Need::Python => succeeds(Command::new("python3").args(["-c", PYTHON_IS_FIT])),
             Need::Chromium => on_path("chromium").is_some(),
+            Need::Tbb => find_library(Path::new("/usr"), "libtbb.so.12"),
             Need::CrossRust => platforms::compiles_for_all(),
             Need::Mingw => {
                 ["gcc", "objdump"].iter().all(|tool| on_path(&format!("x86_64-w64-mingw32-{tool}")).is_some())
             }
             Need::Wine => Path::new(DEBIANS_WINE).is_file() || on_path("wine64").is_some(),
             Need::QemuAarch64 => on_path("qemu-aarch64").is_some() && Path::new(ARM_LOADER).is_file(),
+            Need::Octave => on_path("octave-cli").is_some(),
+            Need::Valgrind => on_path("valgrind").is_some(),
         }
     }
 
@@ -60,10 +69,13 @@ impl Need {
             Need::Libclang => &["libclang-dev"],
             Need::Python => &["python3", "python3-venv"],
             Need::Chromium => &["chromium"],
+            Need::Tbb => &["libtbb12"],
             Need::CrossRust => &["rustc-web", "cargo-web", "rust-web-src"],
             Need::Mingw => &["gcc-mingw-w64-x86-64-posix"],
             Need::Wine => &["wine64"],
             Need::QemuAarch64 => &["qemu-user", "libc6-arm64-cross"],
+            Need::Octave => &["octave"],
+            Need::Valgrind => &["valgrind"],
         }
     }
 
@@ -77,6 +89,7 @@ impl Need {
                 format!("no python3 of 3.11 or later with venv: {}", install_line(self.packages()))
             }
             Need::Chromium => format!("chromium is missing: {}", install_line(self.packages())),
+            Need::Tbb => format!("libtbb.so.12 is missing: {}", install_line(self.packages())),
             Need::CrossRust => {
                 let targets = platforms::Platform::ALL.map(platforms::Platform::triple).join(" ");
                 let debian = install_line(self.packages());
@@ -87,6 +100,8 @@ impl Need {
             Need::QemuAarch64 => {
                 format!("qemu-aarch64 or its C library is missing: {}", install_line(self.packages()))
             }
+            Need::Octave => format!("octave is missing: {}", install_line(self.packages())),
+            Need::Valgrind => format!("valgrind is missing: {}", install_line(self.packages())),
         }
     }
 }
@@ -137,20 +152,25 @@ fn is_root(workspace: &Workspace) -> bool {
     output(command(workspace, "id").arg("-u")).is_ok_and(|id| id.trim() == "0")
 }
 
+/// Where distributions put shared libraries.
+const LIBRARY_FOLDERS: [&str; 5] =
+    ["lib", "lib64", "local/lib", "lib/x86_64-linux-gnu", "lib/aarch64-linux-gnu"];
+
+/// Whether a shared library lies where distributions put it.
+fn find_library(prefix: &Path, name: &str) -> bool {
+    LIBRARY_FOLDERS.iter().any(|folder| prefix.join(folder).join(name).exists())
+}
+
 /// Whether `libclang.so`, which only the development package has, lies where distributions put it.
 fn find_libclang(prefix: &Path) -> bool {
-    let mut folders: Vec<PathBuf> =
-        ["lib", "lib64", "local/lib", "lib/x86_64-linux-gnu", "lib/aarch64-linux-gnu"]
-            .iter()
-            .map(|folder| prefix.join(folder))
-            .collect();
+    let mut folders: Vec<PathBuf> = Vec::new();
     if let Ok(entries) = std::fs::read_dir(prefix.join("lib")) {
         let llvm = entries.flatten().map(|entry| entry.path());
         folders.extend(
             llvm.filter(|path| path.to_string_lossy().contains("llvm-")).map(|path| path.join("lib")),
         );
     }
-    folders.iter().any(|folder| folder.join("libclang.so").exists())
+    find_library(prefix, "libclang.so") || folders.iter().any(|folder| folder.join("libclang.so").exists())
 }
 
 #[cfg(test)]

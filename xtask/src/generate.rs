@@ -4,7 +4,8 @@ use crate::{
     bindings,
     error::Failure,
     fmu::{self, CONTROLLER, GRID},
-    process::{command, output, run as start},
+    licenses,
+    process::{cargo, command, output, run as start},
     workspace::Workspace,
 };
 use clap::ValueEnum;
@@ -14,6 +15,10 @@ use clap::ValueEnum;
 pub enum Generated {
     /// src/fmi/bindings.rs, from src/fmi/headers; needs libclang.
     Bindings,
+    /// src/package/icons/*.png, from the drawings beside them.
+    Icons,
+    /// src/package/licenses/Bess*.txt, from cargo's dependency tree.
+    Licenses,
     /// modelDescription/*.xml, out of the packed FMUs.
     ModelDescription,
     /// schema/scenario.schema.json, from `bess schema`.
@@ -25,6 +30,14 @@ pub fn run(workspace: &Workspace, what: &[Generated]) -> Result<(), Failure> {
     let wanted = |one| what.is_empty() || what.contains(&one);
     if wanted(Generated::Bindings) {
         bindings::write(workspace)?;
+    }
+    if wanted(Generated::Icons) {
+        let mut test = cargo(workspace);
+        test.args(["test", "--quiet", "--release", "--test", "package_icons"]);
+        start(test.env("BESS_WRITE_ICONS", "1"))?;
+    }
+    if wanted(Generated::Licenses) {
+        licenses::write(workspace)?;
     }
     if wanted(Generated::ModelDescription) || wanted(Generated::Schema) {
         fmu::build_and_pack(workspace)?;

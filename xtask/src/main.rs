@@ -7,6 +7,7 @@ mod debian;
 mod error;
 mod fmu;
 mod generate;
+mod licenses;
 mod platforms;
 mod process;
 mod python;
@@ -38,6 +39,7 @@ const EXAMPLES: &str = "Examples:
   cargo xtask test --only fmt,clippy        two stages of it
   cargo xtask test --only fmpy -- -k reset  one stage, with arguments for pytest
   cargo xtask bench                         speed against the bars, target/bench/summary.json
+  cargo xtask bench --only power-flow       one family of its rows
   cargo xtask generate schema               write schema/scenario.schema.json anew";
 
 #[derive(Subcommand)]
@@ -75,7 +77,13 @@ enum Task {
         pytest: Vec<String>,
     },
     /// Measure speed against the bars; a missed bar is shown and is no error.
+    ///
+    /// Peers are installed as pinned in benches/peers (Python, and as root Octave and valgrind from
+    /// Debian); a row whose peer is missing says so and is not met.
     Bench {
+        /// Only these families of rows.
+        #[arg(long, value_enum, value_delimiter = ',', value_name = "FAMILY")]
+        only: Vec<bench::Family>,
         /// How many times each figure is measured; the median counts.
         #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=1000))]
         runs: u32,
@@ -111,7 +119,7 @@ fn dispatch(task: Task) -> Result<ExitCode, Failure> {
             scenario::run(&workspace, &scenario, &extra)?;
         }
         Task::Test { only, pytest } => return stages::run(&workspace, &only, pytest),
-        Task::Bench { runs } => bench::run(&workspace, runs)?,
+        Task::Bench { only, runs } => bench::run(&workspace, runs, &only)?,
         Task::Generate { what } => generate::run(&workspace, &what)?,
     }
     Ok(ExitCode::SUCCESS)

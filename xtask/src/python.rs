@@ -8,14 +8,20 @@ use crate::{
 };
 use std::path::PathBuf;
 
-/// The interpreter of the virtual environment for `tests/SUITE`, with everything installed that
-/// `tests/SUITE/requirements.txt` pins. Suites are apart, because the masters ask for packages that clash.
+/// The interpreter of the virtual environment for `tests/SUITE` (`fmpy`, or `masters/cofmupy` for a part of a
+/// suite), with everything installed that `tests/SUITE/requirements.txt` pins. Suites are apart, because the
+/// masters ask for packages that clash.
 pub fn environment(workspace: &Workspace, suite: &str) -> Result<PathBuf, Failure> {
-    let folder = workspace.target.join("venv").join(suite);
+    environment_of(workspace, &format!("tests/{suite}"), &suite.replace('/', "-"))
+}
+
+/// The same for the requirements.txt in any folder of the workspace; `name` tells the environments apart.
+pub fn environment_of(workspace: &Workspace, folder: &str, name: &str) -> Result<PathBuf, Failure> {
+    let requirements = workspace.root.join(folder).join("requirements.txt");
+    let folder = workspace.target.join("venv").join(name);
     let python = folder.join("bin/python");
     let stamp = folder.join("made-from.txt");
 
-    let requirements = workspace.root.join("tests").join(suite).join("requirements.txt");
     let pinned = std::fs::read_to_string(&requirements).map_err(Failure::file("read", &requirements))?;
     let interpreter = "import sys; print(sys.base_prefix, sys.version)";
     let wanted = format!("{}\n{pinned}", output(command(workspace, "python3").args(["-c", interpreter]))?);

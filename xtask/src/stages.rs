@@ -12,7 +12,12 @@ use crate::{
     workspace::Workspace,
 };
 use clap::ValueEnum;
-use std::{io::IsTerminal, path::Path, process::ExitCode, time::Instant};
+use std::{
+    io::IsTerminal,
+    path::Path,
+    process::{Command, ExitCode},
+    time::Instant,
+};
 
 /// The cases of the paper, each run and its report looked at.
 const CASES: [&str; 4] = ["case1", "case2", "case3", "case4"];
@@ -34,6 +39,10 @@ pub enum Stage {
     Fmu,
     /// The FMUs in FMPy, against the reference data
     Fmpy,
+    /// Case 1 in the masters of others, and the .ssp
+    Masters,
+    /// Grids of other people: pandapower as an FMU, ANDES in Python
+    Grids,
     /// The cases of the paper through the harness
     Run,
     /// Their reports in a browser without network
@@ -55,6 +64,8 @@ impl Stage {
             Stage::Bindings => "bindings",
             Stage::Fmu => "fmu",
             Stage::Fmpy => "fmpy",
+            Stage::Masters => "masters",
+            Stage::Grids => "grids",
             Stage::Run => "run",
             Stage::Browser => "browser",
             Stage::Platforms => "platforms",
@@ -68,7 +79,8 @@ impl Stage {
             Stage::Fmt => &[Need::Rustfmt],
             Stage::Clippy => &[Need::Clippy],
             Stage::Bindings => &[Need::Libclang],
-            Stage::Fmpy => &[Need::Python],
+            Stage::Fmpy | Stage::Grids => &[Need::Python],
+            Stage::Masters => &[Need::Python, Need::Tbb],
             Stage::Browser => &[Need::Python, Need::Chromium],
             Stage::Platforms => &[Need::Python, Need::CrossRust, Need::Mingw, Need::Wine, Need::QemuAarch64],
             Stage::Wheel => &[Need::Python, Need::CrossRust, Need::Mingw],
@@ -79,7 +91,7 @@ impl Stage {
     /// The stages whose work this one uses.
     fn after(self) -> &'static [Stage] {
         match self {
-            Stage::Fmpy | Stage::Run => &[Stage::Fmu],
+            Stage::Fmpy | Stage::Masters | Stage::Grids | Stage::Run => &[Stage::Fmu],
             Stage::Browser => &[Stage::Fmu, Stage::Run],
             _ => &[],
         }
@@ -100,13 +112,14 @@ impl Stage {
             Stage::Doc => start(cargo("doc --workspace --no-deps").env("RUSTDOCFLAGS", "-D warnings")),
             Stage::Bindings => bindings::check(workspace),
             Stage::Fmu => fmu::build_and_pack(workspace),
-            Stage::Fmpy => {
-                let python = python::environment(workspace, "fmpy")?;
-                let mut test = command(workspace, python);
-                // Where the built `bess` and the libraries are, for the tests that look at them.
-                test.env("BESS_RELEASE_DIR", workspace.release());
-                start(test.args(["-m", "pytest", "-ra", "tests/fmpy"]).args(pytest))
+            Stage::Fmpy => start(tests_in_python(workspace, "fmpy")?.args(pytest)),
+            Stage::Masters => {
+                // CoFmuPy wants another FMPy than the rest.
+                let cofmupy = python::environment(workspace, "masters/cofmupy")?;
+                let mut test = tests_in_python(workspace, "masters")?;
+                start(test.env("BESS_COFMUPY_PYTHON", cofmupy).args(pytest))
             }
+            Stage::Grids => start(tests_in_python(workspace, "grids")?.args(pytest)),
             Stage::Run => CASES.iter().try_for_each(|case| scenario::run(workspace, Path::new(case), &[])),
             Stage::Browser => CASES.iter().try_for_each(|case| {
                 let report = Path::new(&scenario::results(Path::new(case))?).join("report.html");
@@ -116,6 +129,15 @@ impl Stage {
             Stage::Wheel => platforms::test_wheel(workspace, pytest),
         }
     }
+}
+
+/// pytest for `tests/SUITE` in its own virtual environment.
+fn tests_in_python(workspace: &Workspace, suite: &str) -> Result<Command, Failure> {
+    let mut test = command(workspace, python::environment(workspace, suite)?);
+    // Where the built `bess` and the libraries are, for the tests that look at them.
+    test.env("BESS_RELEASE_DIR", workspace.release());
+    test.args(["-m", "pytest", "-ra"]).arg(format!("tests/{suite}"));
+    Ok(test)
 }
 
 /// Runs the stages named (all, if none is) and those they need; prints the table.

@@ -24,17 +24,18 @@ use std::path::PathBuf;
   bess run case1 --controller fmu/BessConsensus.fmu --grid fmu/BessGrid.fmu
 
 DIR holds afterwards: trajectory.csv (time, controller.NAME, grid.NAME), summary.json, report.html.
-An FMU gets the scenario's parameters where it has parameters of the same names.")]
+An FMU gets the scenario's parameters where it has parameters of the same names. Names and units that
+differ from the controller's go into the scenario's `connections`; docs/your-grid.md has examples.")]
 pub struct RunArgs {
     #[command(flatten)]
     scenario: ScenarioArgs,
     /// Folder for the results [default: results/NAME]
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// FMU in the controller's place [default: the built-in model, in process]
+    /// FMU in the controller's place [default: control.fmu, or the built-in model]
     #[arg(long, value_name = "FMU")]
     controller: Option<PathBuf>,
-    /// FMU in the grid's place [default: the built-in model, in process]
+    /// FMU in the grid's place [default: grid.fmu, or the built-in model]
     #[arg(long, value_name = "FMU")]
     grid: Option<PathBuf>,
     /// No report.html, and no variants that only the report shows
@@ -50,13 +51,14 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     let resolved = args.scenario.resolve()?;
     let variants = if args.no_report { Vec::new() } else { variants(args, &resolved)? };
     let folder = args.output.clone().unwrap_or_else(|| results_folder(&resolved.scenario.name));
-    let origin = |fmu: &Option<PathBuf>| fmu.clone().map_or(Origin::InProcess, Origin::Fmu);
-    let cast = Cast { controller: origin(&args.controller), grid: origin(&args.grid) };
+    let cast = cast(args, &resolved);
 
     let main = record(&resolved, &cast, Some(&folder), args.quiet).map_err(failed)?;
     let mut compared: Vec<Compared> = Vec::with_capacity(variants.len());
     for (label, resolved) in variants {
-        let record = record(&resolved, &Cast::default(), None, args.quiet).map_err(failed)?;
+        // An FMU exported earlier knows of a variant only what is a parameter, hence our own controller.
+        let cast = Cast { controller: Cast::of(&resolved).controller, ..self::cast(args, &resolved) };
+        let record = record(&resolved, &cast, None, args.quiet).map_err(failed)?;
         compared.push(Compared { label, resolved, record });
     }
     let results = results::Results::new(&resolved, &main, &compared)?;
@@ -76,6 +78,13 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
         return Ok(());
     }
     print(&console::table(&results, &folder, !args.no_report))
+}
+
+/// Who takes part: the command line before the scenario, the built-in models where neither names an FMU.
+fn cast(args: &RunArgs, resolved: &Resolved) -> Cast {
+    let named = Cast::of(resolved);
+    let of = |fmu: &Option<PathBuf>, named: Origin| fmu.clone().map_or(named, Origin::Fmu);
+    Cast { controller: of(&args.controller, named.controller), grid: of(&args.grid, named.grid) }
 }
 
 /// The variants of the scenario, checked before anything runs.

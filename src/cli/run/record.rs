@@ -89,7 +89,14 @@ fn measured(plan: &Plan, memory: &Memory, n: usize) -> Vec<(String, Vec<f64>)> {
             let input = format!("{quantity}[{i}]");
             let feeds =
                 |c: &&crate::harness::Connection| c.to.participant == CONTROLLER && c.to.variable == input;
-            let Some(connection) = plan.connections.iter().find(feeds) else { continue };
+            let Some(connection) = plan.connections.iter().find(feeds) else {
+                let is_it = |s: &&crate::harness::Setting| s.participant == CONTROLLER && s.variable == input;
+                if let Some(constant) = plan.initial.iter().rev().find(is_it) {
+                    let values = vec![constant.value.as_f64(); memory.times_ns().len()];
+                    all.push((format!("{GRID}.{input}"), values));
+                }
+                continue;
+            };
             let from = &connection.from;
             if let Some(values) = memory.values(&from.participant, &from.variable) {
                 let scaled = values.iter().map(|v| connection.factor * v + connection.offset).collect();

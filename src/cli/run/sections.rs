@@ -1,12 +1,13 @@
 //! The sections of a run's report: overlays of a run with its variants, communication graphs, clustering, bounds.
 
-use super::super::{Failure, bounds};
+use super::super::{Failure, bounds, certified};
 use super::comparison::{self, Compared, Row};
 use super::record::Record;
-use crate::control::topology::Topologies;
+use crate::control::clustering::Link;
+use crate::control::topology::{Topologies, Topology};
 use crate::report::{
-    Agents, Edge, Figure, GraphFigure, Item, Line, Node, Section, Table, cluster_layout, dash_of,
-    error_systems, format_value,
+    Agents, Branch, Edge, Figure, GraphFigure, Item, Line, Node, Section, Table, TreeFigure, cluster_layout,
+    dash_of, error_systems, format_value,
 };
 use crate::scenario::Resolved;
 use miette::IntoDiagnostic;
@@ -68,29 +69,19 @@ fn worst_line(figure: &Figure, label: &str, k: usize) -> Option<Line> {
     Some(Line { name: label.to_owned(), x, y, color: Some(k), dash: dash_of(k) })
 }
 
-/// The communication graphs, at the positions of the batteries where they are known, how CAK found the
-/// clusters, and what the theorem certifies.
-pub fn communication(resolved: &Resolved) -> Result<Section, Failure> {
+/// How CAK found the clusters, and the communication graphs, at the positions of the batteries where they are
+/// known.
+pub fn communication(resolved: &Resolved) -> Section {
     let config = &resolved.control;
     let n = config.agents();
     let topologies = Topologies::new(n, &config.communication);
-    let given: Option<Vec<(f64, f64)>> =
-        resolved.scenario.bess.iter().map(|b| b.position.map(|[x, y]| (x, y))).collect();
     let mut items = Vec::new();
+    items.extend(tree(resolved, &topologies).map(Item::Tree));
+    items.extend(clustering(resolved, &topologies).map(Item::Table));
     for k in 0..topologies.count() {
         let topology = topologies.build(k, &vec![true; n]);
         let groups: Vec<usize> = topology.cluster.iter().map(|c| (*c - 1).max(0) as usize).collect();
-        let leads: Vec<bool> = (0..n).map(|i| topology.leaders.contains(&i)).collect();
-        let places = given.clone().unwrap_or_else(|| cluster_layout(&groups, &leads));
-        let nodes = (0..n)
-            .map(|i| Node {
-                name: resolved.bess_name(i),
-                x: places[i].0,
-                y: places[i].1,
-                group: groups[i],
-                is_leader: leads[i],
-            })
-            .collect();
+        let nodes = nodes(resolved, &groups, &topology);
         let edges = topology.graph.edges().iter().map(|e| {
             let (a, b) = e.ends();
             Edge { a, b, weight: e.weight }
@@ -105,16 +96,63 @@ pub fn communication(resolved: &Resolved) -> Result<Section, Failure> {
             note: "Shaded: clusters. Edges: who talks to whom, with weights.".into(),
         }));
     }
-    items.extend(clustering(resolved, &topologies).map(Item::Table));
-    items.push(Item::Table(bounds::Bounds::of(resolved)?.table()));
     let text = "The counterpart of the paper's Figure 5.".into();
-    Ok(Section { heading: "Communication".into(), text, items })
+    Section { heading: "Communication".into(), text, items }
+}
+
+/// What the theorem certifies: over eta, and for the scenario's own.
+pub fn certificates(resolved: &Resolved) -> Result<Section, Failure> {
+    let bounds = bounds::Bounds::of(resolved)?;
+    let mut items: Vec<Item> = certified::figures(resolved, &bounds)?.into_iter().map(Item::Figure).collect();
+    items.push(Item::Table(bounds.table()));
+    Ok(Section { heading: "Certified times".into(), text: certified::TEXT.into(), items })
+}
+
+/// The batteries in clusters `groups`, at their positions where those are known.
+fn nodes(resolved: &Resolved, groups: &[usize], topology: &Topology) -> Vec<Node> {
+    let given: Option<Vec<(f64, f64)>> =
+        resolved.scenario.bess.iter().map(|b| b.position.map(|[x, y]| (x, y))).collect();
+    let leads: Vec<bool> = (0..groups.len()).map(|i| topology.leaders.contains(&i)).collect();
+    let places = given.unwrap_or_else(|| cluster_layout(groups, &leads));
+    let node = |(i, (group, (x, y))): (usize, (&usize, &(f64, f64)))| Node {
+        name: resolved.bess_name(i),
+        x: *x,
+        y: *y,
+        group: *group,
+        is_leader: topology.leaders.contains(&i),
+    };
+    groups.iter().zip(&places).enumerate().map(node).collect()
+}
+
+/// The minimum spanning tree with its cuts as a drawing, where distances were given.
+fn tree(resolved: &Resolved, topologies: &Topologies) -> Option<TreeFigure> {
+    let found = topologies.clustering()?;
+    let topology = topologies.build(0, &vec![true; resolved.control.agents()]);
+    let branch = |link: &Link| {
+        let cut = found.cuts.iter().find(|c| (c.link.a, c.link.b) == (link.a, link.b));
+        Branch {
+            a: link.a,
+            b: link.b,
+            length: link.length,
+            gain: cut.map(|cut| cut.gain),
+            is_cut: cut.is_some_and(|cut| cut.verdict.is_cut()),
+            verdict: cut.map_or("kept", |cut| super::super::cluster::verdict(cut.verdict)).to_owned(),
+        }
+    };
+    Some(TreeFigure {
+        title: "Clustering: the minimum spanning tree and its cuts".into(),
+        nodes: nodes(resolved, &found.cluster, &topology),
+        branches: found.tree.iter().map(branch).collect(),
+        note: "Colours: clusters, here and not the batteries. Numbers: distances, and what a cut gains (fall of the \
+               standard deviation of the trees' edges). Framed: active leaders. Point at an edge for the verdict."
+            .into(),
+    })
 }
 
 /// The minimum spanning tree with its cuts, where distances were given.
 fn clustering(resolved: &Resolved, topologies: &Topologies) -> Option<Table> {
     let found = topologies.clustering()?;
-    let row = |link: &crate::control::clustering::Link| {
+    let row = |link: &Link| {
         let cut = found.cuts.iter().find(|c| (c.link.a, c.link.b) == (link.a, link.b));
         let (gain, verdict) = match cut {
             Some(cut) => (format_value(cut.gain, 3), super::super::cluster::verdict(cut.verdict)),

@@ -6,11 +6,13 @@
 //! within the importer's logger, call order, panic fence, error to logger, status. No globals, no
 //! thread-locals.
 
+mod derivatives;
 mod lifecycle;
 mod states;
 mod stepping;
 mod values;
 
+pub use derivatives::*;
 pub use lifecycle::*;
 pub use states::*;
 pub use stepping::*;

@@ -1,4 +1,4 @@
-//! fmi2GetXXX, fmi2SetXXX and what has no values here: strings and derivatives.
+//! fmi2GetXXX, fmi2SetXXX and what has no values here: strings.
 
 use super::{array, array_mut, enter};
 use crate::fmi::bindings::{
@@ -120,56 +120,4 @@ pub unsafe extern "C" fn set_string<M: Model>(
 ) -> fmi2Status {
     // SAFETY: as promised by the caller.
     unsafe { only_empty::<M>(c, Function::SetString, nvr, NO_STRINGS) }
-}
-
-/// fmi2SetRealInputDerivatives: inputs are held over a step.
-///
-/// # Safety
-/// `c` as for fmi2FreeInstance.
-pub unsafe extern "C" fn set_real_input_derivatives<M: Model>(
-    c: fmi2Component,
-    _vr: *const fmi2ValueReference,
-    nvr: usize,
-    _order: *const fmi2Integer,
-    _value: *const fmi2Real,
-) -> fmi2Status {
-    let reason = "canInterpolateInputs is false in modelDescription.xml; inputs are held over a step";
-    // SAFETY: as promised by the caller.
-    unsafe { only_empty::<M>(c, Function::SetRealInputDerivatives, nvr, reason) }
-}
-
-/// fmi2GetRealOutputDerivatives: there are none.
-///
-/// # Safety
-/// `c` as for fmi2FreeInstance.
-pub unsafe extern "C" fn get_real_output_derivatives<M: Model>(
-    c: fmi2Component,
-    _vr: *const fmi2ValueReference,
-    nvr: usize,
-    _order: *const fmi2Integer,
-    _value: *mut fmi2Real,
-) -> fmi2Status {
-    let reason = "maxOutputDerivativeOrder is 0 in modelDescription.xml";
-    // SAFETY: as promised by the caller.
-    unsafe { only_empty::<M>(c, Function::GetRealOutputDerivatives, nvr, reason) }
-}
-
-/// fmi2GetDirectionalDerivative: not provided.
-///
-/// # Safety
-/// `c` as for fmi2FreeInstance.
-pub unsafe extern "C" fn get_directional_derivative<M: Model>(
-    c: fmi2Component,
-    _unknown: *const fmi2ValueReference,
-    _n_unknown: usize,
-    _known: *const fmi2ValueReference,
-    _n_known: usize,
-    _dv_known: *const fmi2Real,
-    _dv_unknown: *mut fmi2Real,
-) -> fmi2Status {
-    let function = Function::GetDirectionalDerivative;
-    let reason = "providesDirectionalDerivative is false in modelDescription.xml";
-    let body = |_: &mut Instance<M>| Err(Error::Unsupported { function, reason });
-    // SAFETY: as promised by the caller.
-    unsafe { enter(c, function, body) }
 }

@@ -3,10 +3,13 @@
 mod parameters;
 mod variables;
 
+use super::planes::Planes;
 use super::resource::Resource;
 use crate::control;
 use crate::control::config::Config;
-use crate::fmi::{Group, Log, LogLevel, Model, ModelError, Phase, Step};
+use crate::control::tangent::{Direction, Tangents};
+use crate::control::{Inputs, Outputs, Parameters};
+use crate::fmi::{Along, Group, Log, LogLevel, Model, ModelError, Phase, Plane, Step};
 use std::ops::{Deref, DerefMut};
 use std::path::Path;
 
@@ -14,7 +17,7 @@ use std::path::Path;
 #[derive(Clone)]
 pub struct Controller {
     experiment: (f64, f64),
-    controller: control::Controller,
+    planes: Planes<control::Controller, Tangents>,
 }
 
 impl Controller {
@@ -32,26 +35,47 @@ impl Controller {
     pub fn new(resource: Resource<Config>) -> Result<Self, ModelError> {
         let controller =
             control::Controller::new(resource.config).map_err(|e| ModelError::new(e.to_string()))?;
-        Ok(Self { experiment: (resource.stop_s, resource.step_s), controller })
+        Ok(Self { experiment: (resource.stop_s, resource.step_s), planes: Planes::new(controller) })
+    }
+
+    fn inputs(&self) -> &Inputs {
+        self.planes.get(control::Controller::inputs, |d| &d.inputs)
+    }
+
+    fn inputs_mut(&mut self) -> &mut Inputs {
+        self.planes.get_mut(control::Controller::inputs_mut, |d| &mut d.inputs)
+    }
+
+    fn parameters(&self) -> &Parameters {
+        self.planes.get(control::Controller::parameters, |d| &d.parameters)
+    }
+
+    fn parameters_mut(&mut self) -> &mut Parameters {
+        self.planes.get_mut(control::Controller::parameters_mut, |d| &mut d.parameters)
+    }
+
+    fn outputs(&self) -> &Outputs {
+        self.planes.get(control::Controller::outputs, |d| &d.outputs)
     }
 }
 
 impl Deref for Controller {
     type Target = control::Controller;
     fn deref(&self) -> &Self::Target {
-        &self.controller
+        &self.planes.values
     }
 }
 
 impl DerefMut for Controller {
     fn deref_mut(&mut self) -> &mut Self::Target {
-        &mut self.controller
+        &mut self.planes.values
     }
 }
 
 impl Model for Controller {
     const IDENTIFIER: &'static str = "BessConsensus";
     const DESCRIPTION: &'static str = "Distributed step-by-step finite-time consensus controller for battery energy storage systems with droop";
+    const HAS_TANGENTS: bool = true;
     type State = control::State;
 
     fn load(resources: &Path) -> Result<Self, ModelError> {
@@ -59,27 +83,45 @@ impl Model for Controller {
     }
 
     fn variables(&self) -> Vec<Group<Self>> {
-        variables::variables(self.controller.agents(), self.controller.topologies().count())
+        variables::variables(self.planes.values.agents(), self.planes.values.topologies().count())
     }
 
     fn state(&self) -> &control::State {
-        self.controller.state()
+        self.planes.values.state()
     }
 
     fn set_state(&mut self, state: &control::State) -> Result<(), ModelError> {
-        self.controller.set_state(state).map_err(|e| ModelError::new(e.to_string()))
+        self.planes.values.set_state(state).map_err(|e| ModelError::new(e.to_string()))
     }
 
     fn refresh(&mut self, phase: Phase, log: &mut dyn Log) -> Result<(), ModelError> {
         if phase == Phase::Initialization {
-            self.controller.initialise();
+            self.planes.values.initialise();
         }
-        self.controller.refresh(&mut |event| report(event, log));
+        self.planes.values.refresh(&mut |event| report(event, log));
         Ok(())
     }
 
     fn step(&mut self, step: Step, log: &mut dyn Log) -> Result<(), ModelError> {
-        self.controller.step(step.start_ns, step.duration_ns, &mut |event| report(event, log));
+        self.planes.values.step(step.start_ns, step.duration_ns, &mut |event| report(event, log));
+        Ok(())
+    }
+
+    fn look_at(&mut self, plane: Plane) {
+        match plane {
+            Plane::Values => self.planes.show_values(),
+            Plane::Tangents => self.planes.show_tangents(control::Controller::tangents, Tangents::clear),
+        }
+    }
+
+    fn differentiate(&mut self, along: Along, _: Phase) -> Result<(), ModelError> {
+        let direction = match along {
+            Along::Knowns => Direction::Knowns,
+            Along::Time => Direction::Time,
+        };
+        if let (controller, Some(tangents)) = self.planes.both() {
+            controller.differentiate(direction, tangents);
+        }
         Ok(())
     }
 

@@ -18,21 +18,23 @@ pub fn tunable() -> Vec<Group<Controller>> {
         .range(Range { min: 0.0, min_excluded: true, max: 1.0 }),
         parameter(
             "gain_omega",
-            "Gain of u_omega",
+            "Gain of u_omega; pu^(1 - eta)/s",
             |m: &Controller, _| m.parameters().gain_omega,
             |m: &mut Controller, _, v| {
                 m.parameters_mut().gain_omega = v;
             },
         )
+        .unit(Unit::PerSecond)
         .range(gain),
         parameter(
             "gain_P",
-            "Gain of u_P",
+            "Gain of u_P; pu^(1 - eta)/s",
             |m: &Controller, _| m.parameters().gain_P,
             |m: &mut Controller, _, v| {
                 m.parameters_mut().gain_P = v;
             },
         )
+        .unit(Unit::PerSecond)
         .range(gain),
         parameter(
             "gain_E",
@@ -42,24 +44,27 @@ pub fn tunable() -> Vec<Group<Controller>> {
                 m.parameters_mut().gain_E = v;
             },
         )
+        .unit(Unit::PerSecond)
         .range(gain),
         parameter(
             "gain_V",
-            "Gain of u_V",
+            "Gain of u_V; pu^(1 - eta)/s",
             |m: &Controller, _| m.parameters().gain_V,
             |m: &mut Controller, _, v| {
                 m.parameters_mut().gain_V = v;
             },
         )
+        .unit(Unit::PerSecond)
         .range(gain),
         parameter(
             "gain_Q",
-            "Gain of u_Q",
+            "Gain of u_Q; pu^(1 - eta)/s",
             |m: &Controller, _| m.parameters().gain_Q,
             |m: &mut Controller, _, v| {
                 m.parameters_mut().gain_Q = v;
             },
         )
+        .unit(Unit::PerSecond)
         .range(gain),
         parameter(
             "delay",

@@ -163,7 +163,7 @@ fn consensus_inputs(n: usize) -> Vec<Group<Controller>> {
         output("u_P", "Consensus input of the active power, equation (9)", |m: &Controller, i| {
             m.outputs().u_P[i]
         }),
-        output("u_E", "Consensus input of the state of charge, equation (11), per s", |m: &Controller, i| {
+        output("u_E", "Consensus input of the state of charge, equation (11)", |m: &Controller, i| {
             m.outputs().u_E[i]
         }),
         output("u_V", "Consensus input of the voltage, equation (13)", |m: &Controller, i| {
@@ -174,7 +174,10 @@ fn consensus_inputs(n: usize) -> Vec<Group<Controller>> {
         }),
     ]
     .into_iter()
-    .map(|g| g.each(n).unit(Unit::PerUnitPerSecond).follows(Dependencies::All(MEASUREMENTS)))
+    .map(|g| {
+        let unit = if g.name == "u_E" { Unit::PerSecond } else { Unit::PerUnitPerSecond };
+        g.each(n).unit(unit).follows(Dependencies::All(MEASUREMENTS))
+    })
     .collect()
 }
 
@@ -197,11 +200,12 @@ fn diagnostics(n: usize) -> Vec<Group<Controller>> {
         })
         .follows(Dependencies::All(&["V", "V_ref", "available"])),
     ];
-    let mut all: Vec<_> = errors.into_iter().map(|g| g.unit(Unit::PerUnit)).collect();
+    let of = |name: &str| if name == "spread_E" { Unit::One } else { Unit::PerUnit };
+    let mut all: Vec<_> = errors.into_iter().map(|g| (of(g.name), g)).map(|(unit, g)| g.unit(unit)).collect();
     all.push(
         output(
             "lambda_2",
-            "Second smallest eigenvalue of the certificate's Laplacian",
+            "Second smallest eigenvalue of the certificate's Laplacian; 1/s^(2 / (1 + eta))",
             |m: &Controller, _| m.outputs().lambda_2,
         )
         .follows(Dependencies::All(&["available", "topology"])),
@@ -213,7 +217,7 @@ fn diagnostics(n: usize) -> Vec<Group<Controller>> {
             |m: &Controller, _| m.outputs().T_P,
         )
         .unit(Unit::Second)
-        .follows(Dependencies::All(&["P", "available", "topology"])),
+        .follows(Dependencies::All(&["P", "P_ref", "dispatch", "available", "topology"])),
     );
     all.push(
         output(
@@ -241,7 +245,8 @@ fn diagnostics(n: usize) -> Vec<Group<Controller>> {
             Causality::Output,
             Access::Boolean(|m: &Controller, i| m.outputs().saturated[i], None),
         )
-        .each(n),
+        .each(n)
+        .follows(Dependencies::All(MEASUREMENTS)),
     );
     all
 }

@@ -85,33 +85,49 @@ fn inputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
 fn outputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
     let network = || Dependencies::All(&["V_set", "Q_set", "dP_load", "dQ_load", "tie_closed"]);
     vec![
-        output("P", "Measured active power", |m: &Grid, i| m.P(i)).each(n).unit(Unit::PerUnit),
-        output("Q", "Measured reactive power, inductive positive", |m: &Grid, i| m.Q(i))
+        output("P", "Measured active power", |m: &Grid, i| m.planes.get(|g| g.P(i), |d| d.P[i]))
             .each(n)
             .unit(Unit::PerUnit),
-        output("V", "Voltage of the inverter", |m: &Grid, i| m.V(i))
+        output("Q", "Measured reactive power, inductive positive", |m: &Grid, i| {
+            m.planes.get(|g| g.Q(i), |d| d.Q[i])
+        })
+        .each(n)
+        .unit(Unit::PerUnit),
+        output("V", "Voltage of the inverter", |m: &Grid, i| m.planes.get(|g| g.V(i), |d| d.V[i]))
             .each(n)
             .unit(Unit::PerUnit)
             .follows(Dependencies::SameIndex(&["V_set", "Q_set"])),
-        output("omega", "Frequency of the inverter", |m: &Grid, i| m.omega(i))
+        output("omega", "Frequency of the inverter", |m: &Grid, i| {
+            m.planes.get(|g| g.omega(i), |d| d.omega[i])
+        })
+        .each(n)
+        .unit(Unit::PerUnit)
+        .follows(Dependencies::SameIndex(&["omega_set", "P_set"])),
+        output("E", "Stored energy", |m: &Grid, i| m.planes.get(|g| g.E(i), |d| d.E[i]))
             .each(n)
-            .unit(Unit::PerUnit)
-            .follows(Dependencies::SameIndex(&["omega_set", "P_set"])),
-        output("E", "Stored energy", |m: &Grid, i| m.E(i)).each(n).unit(Unit::PerUnitHour),
-        output("bus_V", "Voltage magnitude, by position of the bus", |m: &Grid, b| m.bus_V(b))
-            .each(buses)
-            .unit(Unit::PerUnit)
-            .follows(network()),
-        output("bus_angle", "Voltage angle, by position of the bus", |m: &Grid, b| m.bus_angle(b))
-            .each(buses)
-            .unit(Unit::Radian)
-            .follows(network()),
-        output("tie_P", "Active power from the main grid", |m: &Grid, _| m.tie_P())
-            .unit(Unit::PerUnit)
-            .follows(network()),
-        output("tie_Q", "Reactive power from the main grid", |m: &Grid, _| m.tie_Q())
-            .unit(Unit::PerUnit)
-            .follows(network()),
+            .unit(Unit::PerUnitHour),
+        output("bus_V", "Voltage magnitude, by position of the bus", |m: &Grid, b| {
+            m.planes.get(|g| g.bus_V(b), |d| d.bus_V[b])
+        })
+        .each(buses)
+        .unit(Unit::PerUnit)
+        .follows(network()),
+        output("bus_angle", "Voltage angle, by position of the bus", |m: &Grid, b| {
+            m.planes.get(|g| g.bus_angle(b), |d| d.bus_angle[b])
+        })
+        .each(buses)
+        .unit(Unit::Radian)
+        .follows(network()),
+        output("tie_P", "Active power from the main grid", |m: &Grid, _| {
+            m.planes.get(|g| g.tie_P(), |d| d.tie.0)
+        })
+        .unit(Unit::PerUnit)
+        .follows(network()),
+        output("tie_Q", "Reactive power from the main grid", |m: &Grid, _| {
+            m.planes.get(|g| g.tie_Q(), |d| d.tie.1)
+        })
+        .unit(Unit::PerUnit)
+        .follows(network()),
     ]
 }
 
