@@ -114,12 +114,11 @@ pub fn build_all(workspace: &Workspace) -> Result<Vec<Built>, Failure> {
     for platform in Platform::ALL {
         match toolchain::find(platform, &zig) {
             Ok(toolchain) => all.push(build(workspace, platform, &toolchain)?),
-            Err(missing) => {
-                eprintln!("{}: not built: {missing}", platform.name());
-                if Platform::here() == Some(platform) {
-                    all.push(fmu::build_here(workspace, platform)?);
-                }
+            Err(missing) if Platform::here() == Some(platform) => {
+                eprintln!("{}: only for this machine's glibc or newer: {missing}", platform.name());
+                all.push(fmu::build_here(workspace, platform)?);
             }
+            Err(missing) => eprintln!("{}: left out: {missing}", platform.name()),
         }
     }
     Ok(all)
