@@ -37,6 +37,7 @@ pub mod io;
 pub mod lag;
 pub mod limits;
 pub mod network;
+pub mod power;
 pub mod protocol;
 pub mod relay;
 mod saturation;
