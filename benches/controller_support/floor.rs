@@ -1,6 +1,6 @@
 //! What the machine needs for the least that a step can be: the same dispatch, no controller.
 
-use pulp::Arch;
+use pulp::{Arch, NullaryFnOnce};
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -35,10 +35,7 @@ impl Floor {
         let begin = Instant::now();
         for _ in 0..ROUNDS {
             let (x, y) = (black_box(&self.near[..]), &mut self.out[..]);
-            Arch::new().dispatch(
-                #[inline(always)]
-                || y.iter_mut().zip(x).for_each(|(y, x)| *y = x.sqrt()),
-            );
+            Arch::new().dispatch(Roots(x, y));
             black_box(&mut self.out);
         }
         begin.elapsed().as_secs_f64() / (ROUNDS * NEAR) as f64
@@ -58,15 +55,34 @@ impl Floor {
     pub fn triad_bytes_per_s(&mut self) -> f64 {
         let [a, b, c] = &mut self.far;
         let begin = Instant::now();
-        Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                for ((a, b), c) in a.iter_mut().zip(b.iter()).zip(c.iter()) {
-                    *a = b + 0.5 * c;
-                }
-            },
-        );
+        Arch::new().dispatch(Triad(a, b, c));
         black_box(&mut self.far);
         (24 * FAR) as f64 / begin.elapsed().as_secs_f64()
+    }
+}
+
+struct Roots<'a>(&'a [f64], &'a mut [f64]);
+
+impl NullaryFnOnce for Roots<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        for (y, x) in self.1.iter_mut().zip(self.0) {
+            *y = x.sqrt();
+        }
+    }
+}
+
+struct Triad<'a>(&'a mut [f64], &'a [f64], &'a [f64]);
+
+impl NullaryFnOnce for Triad<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        for ((a, b), c) in self.0.iter_mut().zip(self.1).zip(self.2) {
+            *a = b + 0.5 * c;
+        }
     }
 }

@@ -30,9 +30,11 @@ impl Random {
     }
 }
 
-/// A ring in which every agent talks to the two on either side; numbers from 1, perhaps shuffled.
+/// A ring in which every agent talks to the two on either side. Numbers from 1: folded, so that the ends of the
+/// ring meet and neighbours are close in number, or shuffled.
 fn edges(n: usize, shuffled: bool, random: &mut Random) -> Vec<ExplicitEdge> {
-    let mut number: Vec<u32> = (1..=n as u32).collect();
+    let folded = |p: usize| if 2 * p < n { 2 * p + 1 } else { 2 * (n - p) };
+    let mut number: Vec<u32> = (0..n).map(|p| folded(p) as u32).collect();
     if shuffled {
         for i in (1..n).rev() {
             number.swap(i, (random.next() % (i as u64 + 1)) as usize);
@@ -55,12 +57,16 @@ fn config(n: usize, options: &Options) -> Result<Config, String> {
     let topology = ExplicitTopology {
         name: "ring".into(),
         edges: edges(n, order == "random", &mut random),
-        pins: (0..n as u32).step_by(n.div_ceil(10)).map(|i| ExplicitPin { agent: i + 1, weight: 1.0 }).collect(),
+        pins: (0..n as u32)
+            .step_by(n.div_ceil(10))
+            .map(|i| ExplicitPin { agent: i + 1, weight: 1.0 })
+            .collect(),
         clusters: None,
         leaders: None,
     };
     let mut values = |low, high| (0..n).map(|_| random.within(low, high)).collect::<Vec<f64>>();
     Ok(Config {
+        K_P: values(0.002, 0.006),
         K_Q: values(0.01, 0.03),
         capacity: values(10.0, 20.0),
         P_exchange_max: values(0.5, 1.0),
@@ -68,7 +74,7 @@ fn config(n: usize, options: &Options) -> Result<Config, String> {
         V_set_start: values(1.0, 1.04),
         eta: option(options, "eta", 0.5)?,
         delay_s: option(options, "delay-s", 0.0)?,
-        ..Config::new(values(0.002, 0.006), Communication::Explicit(Explicit { topologies: vec![topology] }))
+        ..Config::unit(n, Communication::Explicit(Explicit { topologies: vec![topology] }))
     })
 }
 

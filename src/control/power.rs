@@ -1,10 +1,7 @@
 //! m^eta for many values at once: exp2(eta log2 m) in operations that a compiler turns into vector code, and that
 //! give the same bits at any vector width (nothing is fused, nothing is looked up). Knows numbers only.
 
-use pulp::Arch;
-
-/// Values handled at once.
-pub const LANES: usize = 8;
+use pulp::{Arch, NullaryFnOnce};
 
 /// 2^52 + 2^51: added, it leaves the nearest integer in the low bits.
 const ROUND: f64 = 6_755_399_441_055_744.0;
@@ -80,27 +77,30 @@ pub fn power(m: f64, eta: f64) -> f64 {
     let rest = n_bits.wrapping_sub(half);
     let two_to = |k: u64| f64::from_bits(k.wrapping_add(1023) << 52);
     let result = p * two_to(half) * two_to(rest);
-    if m == 0.0 {
-        0.0
-    } else if m < f64::INFINITY {
-        result
-    } else {
-        m
-    }
+    let finite = if m < f64::INFINITY { result } else { m };
+    if m == 0.0 { 0.0 } else { finite }
 }
 
 /// out = m^eta, value by value; the shorter of the two counts.
 pub fn powers(eta: f64, m: &[f64], out: &mut [f64]) {
-    Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            for (out, m) in out.chunks_mut(LANES).zip(m.chunks(LANES)) {
-                for (out, &m) in out.iter_mut().zip(m) {
-                    *out = power(m, eta);
-                }
-            }
-        },
-    );
+    Arch::new().dispatch(Powers { eta, m, out });
+}
+
+struct Powers<'a> {
+    eta: f64,
+    m: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl NullaryFnOnce for Powers<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        for (out, &m) in self.out.iter_mut().zip(self.m) {
+            *out = power(m, self.eta);
+        }
+    }
 }
 
 #[cfg(test)]
