@@ -6,6 +6,7 @@ use crate::options::{Options, option};
 use bess_consensus::control::communication::{
     Communication, Explicit, ExplicitEdge, ExplicitPin, ExplicitTopology,
 };
+use bess_consensus::control::order::Order;
 use bess_consensus::control::{Config, Controller};
 use floor::Floor;
 use serde_json::json;
@@ -95,6 +96,8 @@ pub fn step(options: &Options) -> Result<String, String> {
     let config = config(n, options)?;
     let eta = config.eta;
     let begin = Instant::now();
+    // As the FMU does when it loads.
+    let config = Order::local(&config).renumbered(config);
     let mut controller = Controller::new(config).map_err(|e| e.to_string())?;
     let new_s = begin.elapsed().as_secs_f64();
     let mut random = Random(11);

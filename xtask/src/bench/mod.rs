@@ -6,6 +6,7 @@
 mod case1;
 mod controller;
 mod dynamics;
+mod export;
 mod instructions;
 mod peers;
 mod power_flow;
@@ -24,6 +25,8 @@ pub enum Family {
     Case1,
     /// The controller's step for a million agents, against the floor of the machine
     Controller,
+    /// Export of 10,000 agents, against FMPy's reading of it
+    Export,
     /// The power flow against lightsim2grid and MATPOWER
     PowerFlow,
     /// A grid of 9241 buses with 1,445 BESS against real time
@@ -37,6 +40,7 @@ impl Family {
         match self {
             Family::Case1 => case1::rows(workspace, runs),
             Family::Controller => controller::rows(workspace, runs),
+            Family::Export => export::rows(workspace, runs),
             Family::PowerFlow => power_flow::rows(workspace, runs),
             Family::Dynamics => dynamics::rows(workspace, runs),
             Family::Instructions => instructions::rows(workspace),
