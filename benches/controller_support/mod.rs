@@ -8,6 +8,9 @@ use bess_consensus::control::communication::{
 };
 use bess_consensus::control::order::Order;
 use bess_consensus::control::{Config, Controller};
+use bess_consensus::fmi::Interface;
+use bess_consensus::models::ControllerResource;
+use bess_consensus::package::{Libraries, write_controller_of};
 use floor::Floor;
 use serde_json::json;
 use std::time::Instant;
@@ -139,6 +142,19 @@ pub fn step(options: &Options) -> Result<String, String> {
         "peak_memory_bytes": peak_memory(),
     });
     Ok(result.to_string())
+}
+
+/// Writes the FMU and prints the time.
+pub fn export(options: &Options) -> Result<String, String> {
+    let n: usize = option(options, "agents", 10_000)?;
+    let folder = options.get("folder").ok_or("--folder is missing")?;
+    let file = options.get("to").ok_or("--to is missing")?;
+    let resource = ControllerResource { stop_s: 120.0, step_s: 0.01, config: config(n, options)? };
+    let libraries = Libraries::Folder(folder.into());
+    let begin = Instant::now();
+    write_controller_of(file.as_ref(), resource, Interface::Structured, &libraries)
+        .map_err(|e| e.to_string())?;
+    Ok(json!({ "agents": n, "s": begin.elapsed().as_secs_f64() }).to_string())
 }
 
 /// The most memory that this process had, bytes; Linux says it.
