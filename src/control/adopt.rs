@@ -10,6 +10,7 @@ use super::network::Network;
 use super::spectrum::{Eigenvalue, Method, smallest};
 use super::time::nanoseconds;
 use super::topology::Topology;
+use super::wave::Wave;
 
 /// The eigenvalues of the graph in force, and what they were computed for.
 #[derive(Clone, Debug, Default)]
@@ -113,6 +114,7 @@ impl Controller {
         let adopted = &self.state.adopted;
         let mut topology = self.topologies.build(adopted.topology, &adopted.available);
         self.network = Network::new(std::mem::take(&mut topology.graph));
+        self.scratch.wave = Wave::new(&self.network);
         let edges = self.network.graph.edges().len();
         self.scratch.flows = vec![0.0; edges];
         self.scratch.transfers = vec![0.0; edges];

@@ -2,7 +2,7 @@
 //! it; the laws are in `protocol`, what a step does in `step`, what a changed graph does in `adopt`.
 
 use super::authority::Authority;
-use super::config::{Config, Law, MeasurementFilter};
+use super::config::{Config, Law, Limits, MeasurementFilter};
 use super::delay::{History, Signals};
 use super::error::ConfigError;
 use super::event::Event;
@@ -14,6 +14,7 @@ use super::network::{Lateness, Network};
 use super::state::{Adopted, Clock, Lags, State};
 use super::time::{nanoseconds, seconds};
 use super::topology::{Topologies, Topology};
+use super::wave::Wave;
 use super::{adopt::Spectrum, config::Channel, discretisation::SignPower};
 
 /// A distributed finite-time consensus controller of n BESS.
@@ -43,6 +44,8 @@ pub(super) struct Fixed {
     pub no_circulation: bool,
     pub lost_link_fade_s: Option<f64>,
     pub exchange_fade_s: f64,
+    /// Whether no option asks for more than `sweep` does.
+    pub is_plain: bool,
 }
 
 /// Working arrays: written anew in every evaluation, so that a step allocates nothing.
@@ -62,6 +65,7 @@ pub(super) struct Scratch {
     pub followed: Vec<f64>,
     pub owed: [Vec<f64>; 2],
     pub authority: Vec<Authority>,
+    pub wave: Wave,
 }
 
 impl Controller {
@@ -105,6 +109,11 @@ impl Controller {
             no_circulation: config.no_circulation,
             lost_link_fade_s: config.lost_link_fade_s,
             exchange_fade_s: config.exchange_fade_s,
+            is_plain: config.law == Law::FiniteTime
+                && config.limits == Limits::default()
+                && config.measurement_filter == MeasurementFilter::default()
+                && !config.no_circulation
+                && config.lost_link_fade_s.is_none(),
         };
         let bounded = fixed.limits.power || fixed.no_circulation;
         let scratch = Scratch {
@@ -230,7 +239,11 @@ impl Controller {
     pub fn refresh(&mut self, events: &mut dyn FnMut(Event)) {
         self.adopt(events);
         let clock = self.state.clock;
-        self.evaluate(clock.now_ns, clock.step_ns);
+        if self.is_plain() {
+            self.sweep(clock.step_ns, false);
+        } else {
+            self.evaluate(clock.now_ns, clock.step_ns);
+        }
     }
 
     /// Advances the setpoints by one step that begins at `start_ns` and lasts `duration_ns`, the inputs
@@ -241,8 +254,13 @@ impl Controller {
             return;
         }
         self.adopt(events);
-        self.evaluate(start_ns, duration_ns);
-        self.advance(start_ns, duration_ns);
+        if self.is_plain() {
+            self.sweep(duration_ns, true);
+            self.pass(start_ns, duration_ns);
+        } else {
+            self.evaluate(start_ns, duration_ns);
+            self.advance(start_ns, duration_ns);
+        }
     }
 
     /// The state, to be kept for a rollback.

@@ -147,6 +147,11 @@ impl History {
             && self.values.iter().all(|x| x.is_finite())
     }
 
+    /// Whether samples are kept at all.
+    pub fn is_kept(&self) -> bool {
+        !self.times.is_empty()
+    }
+
     /// Number of samples kept.
     pub fn len(&self) -> usize {
         self.len

@@ -42,7 +42,7 @@ impl<S: Scalar> SignPower<S> {
         match self {
             Self::Root => m.sqrt(),
             Self::Linear => m,
-            Self::Power(eta) => m.powf(eta),
+            Self::Power(eta) => m.fraction(eta),
             Self::FixedTime { eta, alpha, beta } => {
                 let c = S::constant;
                 c(alpha) * m.powf(eta) + c(beta) * m.powf(c(2.0) - eta)

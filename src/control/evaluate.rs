@@ -4,6 +4,7 @@
 use super::config::{Discretisation, VoltagePolicy};
 use super::controller::Controller;
 use super::delay::Quantity;
+use super::diagnosis::{Diagnosis, Seen};
 use super::discretisation::{Flow, SignPower, boundary_layer};
 use super::estimator::estimates;
 use super::exchange::{HeldLink, setpoints};
@@ -57,14 +58,13 @@ impl Controller {
 
     /// The signals that the agents work with and tell each other, filtered where asked.
     fn measure(&mut self, now_ns: i64) {
+        let up_to_date = self.is_up_to_date();
         let (state, scratch) = (&self.state, &mut self.scratch);
         let (inputs, parameters, outputs) = (&state.inputs, &state.parameters, &state.outputs);
         let n = inputs.P.len();
         let signals = &mut scratch.signals;
         signals.of_mut(Quantity::Omega).copy_from_slice(&inputs.omega);
         signals.of_mut(Quantity::V).copy_from_slice(&inputs.V);
-        // The bare law is there to compare with.
-        let up_to_date = parameters.discretisation == Discretisation::Capped;
         for i in 0..n {
             if up_to_date {
                 let sigma = no_load(outputs.omega_set[i], parameters.K_P[i], outputs.P_set[i]);
@@ -202,16 +202,24 @@ impl Controller {
         }
     }
 
-    /// (11): the flows and P_set that a step of `h_s` would set, and u_E.
-    fn exchange(&mut self, h_ns: i64) {
+    /// Whether measurements are brought up to date; the bare law is there to compare with.
+    pub(super) fn is_up_to_date(&self) -> bool {
+        self.state.parameters.discretisation == Discretisation::Capped
+    }
+
+    /// Boundary layer of the exchange for a step of `h_s`, s.
+    pub(super) fn exchange_layer(&self, h_s: f64) -> f64 {
         let parameters = &self.state.parameters;
         // theta_E is part of the exchange, not of its sampling: the bare law keeps it.
-        let theta_s = match parameters.discretisation {
-            Discretisation::Capped => {
-                (self.state.lags.frequency.loop_steps() * seconds(h_ns)).max(parameters.theta_E)
-            }
+        match parameters.discretisation {
+            Discretisation::Capped => (self.state.lags.frequency.loop_steps() * h_s).max(parameters.theta_E),
             Discretisation::Explicit => parameters.theta_E,
-        };
+        }
+    }
+
+    /// (11): the flows and P_set that a step of `h_s` would set, and u_E.
+    fn exchange(&mut self, h_ns: i64) {
+        let theta_s = self.exchange_layer(seconds(h_ns));
         let mut flows = std::mem::take(&mut self.scratch.flows);
         let mut saturated = std::mem::take(&mut self.state.outputs.saturated);
         let mut P_set = std::mem::take(&mut self.scratch.P_set);
@@ -245,43 +253,38 @@ impl Controller {
 
     /// Spreads, errors and certified times, from the present signals.
     fn diagnose(&mut self) {
-        let available = &self.state.adopted.available;
         let (signals, inputs) = (&self.scratch.signals, &self.state.inputs);
-        let of_available =
-            |q: Quantity| signals.of(q).iter().zip(available).filter(|(_, a)| **a).map(|(&x, _)| x);
+        let (available, live) = (&self.state.adopted.available, &self.topology.live);
         let owed = |k: usize, i: usize| self.state.owed[k].get(i).copied().unwrap_or(0.0);
-        let own = |q: Quantity, i: usize| match q {
-            Quantity::P => signals.of(q)[i] - owed(0, i),
-            Quantity::Q => signals.of(q)[i] - owed(1, i),
-            _ => signals.of(q)[i],
-        };
-        let spread = |q: Quantity| {
-            let (low, high) = (0..available.len())
-                .filter(|&i| available[i])
-                .map(|i| own(q, i))
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (x.min(low), x.max(high)));
-            if low <= high { high - low } else { 0.0 }
-        };
-        let error =
-            |q: Quantity, reference: f64| of_available(q).fold(0.0, |e: f64, x| e.max((x - reference).abs()));
-        let live = &self.topology.live;
-        let of_live = |q: Quantity| signals.of(q).iter().zip(live).filter(|(_, l)| **l).map(|(&x, _)| x);
-        let norm = |q: Quantity, about: f64| of_live(q).map(|x| (x - about).powi(2)).sum::<f64>().sqrt();
-        let goal_P = if inputs.dispatch {
-            inputs.P_ref
-        } else {
-            of_live(Quantity::P).sum::<f64>() / of_live(Quantity::P).count().max(1) as f64
-        };
+        let goal = inputs.dispatch.then_some(inputs.P_ref);
+        let mut diagnosis = Diagnosis::new(inputs.omega_ref, inputs.V_ref, goal);
+        diagnosis.take(0, live.len(), |i| Seen {
+            available: available[i],
+            live: live[i],
+            told_p: signals.of(Quantity::P)[i],
+            own: [
+                signals.of(Quantity::Omega)[i],
+                signals.of(Quantity::P)[i] - owed(0, i),
+                signals.of(Quantity::V)[i],
+                signals.of(Quantity::Q)[i] - owed(1, i),
+                signals.of(Quantity::Soc)[i],
+                0.0,
+                0.0,
+                0.0,
+            ],
+        });
+        self.tell(&diagnosis);
+    }
+
+    /// Sets the diagnostic outputs.
+    pub(super) fn tell(&mut self, diagnosis: &Diagnosis) {
         let eta = self.state.parameters.eta;
-        let T_P = self.spectrum.P.settling_time(norm(Quantity::P, goal_P), eta);
-        let T_omega = self.spectrum.omega.settling_time(norm(Quantity::Omega, inputs.omega_ref), eta);
-        let (spread_P, spread_Q, spread_E) =
-            (spread(Quantity::P), spread(Quantity::Q), spread(Quantity::Soc));
-        let (error_omega, error_V) =
-            (error(Quantity::Omega, inputs.omega_ref), error(Quantity::V, inputs.V_ref));
+        let [norm_p, norm_omega] = diagnosis.norms();
+        let T_P = self.spectrum.P.settling_time(norm_p, eta);
+        let T_omega = self.spectrum.omega.settling_time(norm_omega, eta);
         let outputs = &mut self.state.outputs;
-        (outputs.spread_P, outputs.spread_Q, outputs.spread_E) = (spread_P, spread_Q, spread_E);
-        (outputs.error_omega, outputs.error_V) = (error_omega, error_V);
+        [outputs.spread_P, outputs.spread_Q, outputs.spread_E] = diagnosis.spreads();
+        [outputs.error_omega, outputs.error_V] = diagnosis.errors();
         (outputs.lambda_2, outputs.T_P, outputs.T_omega) = (self.spectrum.lambda_2, T_P, T_omega);
     }
 }

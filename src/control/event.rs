@@ -54,6 +54,18 @@ pub enum Event {
 }
 
 impl Event {
+    /// The same with the numbers of agents, from 1, changed by a function from places, from 0, to agents.
+    pub fn renumbered(mut self, agent_at: impl Fn(usize) -> usize) -> Self {
+        match &mut self {
+            Self::AgentLeft { agent }
+            | Self::AgentJoined { agent }
+            | Self::LeaderElected { agent, .. }
+            | Self::PartHolds { agent } => *agent = agent_at(agent.saturating_sub(1)) + 1,
+            _ => {}
+        }
+        self
+    }
+
     /// Whether it needs attention, rather than being news.
     pub fn is_warning(self) -> bool {
         matches!(self, Self::TopologyUnknown { .. } | Self::GraphInParts { .. } | Self::PartHolds { .. })

@@ -9,7 +9,7 @@ use super::scalar::Scalar;
 use serde::{Deserialize, Serialize};
 
 /// Seconds per hour: energy is counted in pu*h.
-const SECONDS_PER_HOUR: f64 = 3600.0;
+pub(super) const SECONDS_PER_HOUR: f64 = 3600.0;
 
 /// What one evaluation of the exchange needs to know besides the state.
 #[derive(Clone, Copy)]

@@ -95,6 +95,11 @@ impl Graph {
         self.peers[i]
     }
 
+    /// Number of neighbours of each agent, without the virtual leader.
+    pub fn all_peers(&self) -> &[u32] {
+        &self.peers
+    }
+
     /// Number of neighbours of agent `i`; a pinned agent counts the virtual leader as one (DESIGN 1.1).
     pub fn degree(&self, i: usize) -> u32 {
         self.peers[i] + u32::from(self.pins[i] > 0.0)

@@ -30,8 +30,62 @@ const EXPLAINED: f64 = 1e-3;
 /// Differences between lags below this many roundings of the numbers they come from say nothing.
 const ROUNDINGS: f64 = 4096.0;
 
+/// Agents whose evidence is summed apart, so that it can be summed side by side.
+const LANES: usize = 8;
+
+/// Evidence of one step, every eighth agent together.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Tally {
+    missed: [[f64; LANES]; CANDIDATES],
+    weight: [f64; LANES],
+}
+
+impl Tally {
+    /// Agents side by side: which of them count, y now and at the last step, sigma now and before.
+    #[inline(always)]
+    fn take(
+        &mut self,
+        counted: &[bool; LANES],
+        y: &[f64; LANES],
+        last: &[f64; LANES],
+        sigma: &[[f64; LANES]; CANDIDATES + 1],
+    ) {
+        for lane in 0..LANES {
+            let moved = y[lane] - last[lane];
+            let mut errors = [0.0; CANDIDATES];
+            for k in 0..CANDIDATES {
+                errors[k] = (moved - (sigma[k][lane] - sigma[k + 1][lane])).abs();
+            }
+            let (mut worst, mut best) = (errors[0], errors[0]);
+            for k in 1..CANDIDATES {
+                worst = if errors[k] > worst { errors[k] } else { worst };
+                best = if errors[k] < best { errors[k] } else { best };
+            }
+            // At rest and at constant speed all lags are alike: the one found is held.
+            let tells = worst - best > ROUNDINGS * f64::EPSILON * (y[lane].abs() + sigma[0][lane].abs());
+            let counts = if counted[lane] & tells { 1.0 } else { 0.0 };
+            // As shares, so that one wild measurement weighs no more than another.
+            let share = counts / if counted[lane] & tells { worst } else { 1.0 };
+            for k in 0..CANDIDATES {
+                self.missed[k][lane] += (errors[k] * share) * (errors[k] * share);
+            }
+            self.weight[lane] += counts;
+        }
+    }
+}
+
+#[inline(always)]
+fn no_loads(level: [f64; LANES], droop: [f64; LANES], power: [f64; LANES]) -> [f64; LANES] {
+    let mut out = [0.0; LANES];
+    for lane in 0..LANES {
+        out[lane] = no_load(level[lane], droop[lane], power[lane]);
+    }
+    out
+}
+
 /// The frequency or voltage that a droop (3) would have at no load, pu: sigma_i of setpoint and power reference,
 /// y_i of measured level and power.
+#[inline(always)]
 pub fn no_load(level: f64, droop: f64, power: f64) -> f64 {
     level + droop * power
 }
@@ -96,39 +150,63 @@ impl Lag {
         1.0 + self.steps as f64
     }
 
-    /// Learns from a step whose measurements were `y` and whose setpoints `sigma`. `compare` is false when there
-    /// is no step before to compare with. Allocates nothing.
+    /// Learns from a step whose measurements were `levels.0` beside setpoints `levels.1`, with these droops, and the
+    /// powers measured and asked for. `compare` is false when there is no step before to compare with.
+    /// Allocates nothing.
     pub fn observe(
         &mut self,
-        live: &[bool],
-        compare: bool,
-        y: impl Fn(usize) -> f64,
-        sigma: impl Fn(usize) -> f64,
+        (live, compare): (&[bool], bool),
+        levels: (&[f64], &[f64]),
+        powers: (&[f64], &[f64], &[f64]),
     ) {
-        let (mut missed, mut weight) = ([0.0; CANDIDATES], 0.0);
-        for i in 0..live.len() {
-            let (y, sigma) = (y(i), sigma(i));
-            if compare && live[i] {
-                let mut later = sigma;
-                let mut errors = [y - self.last[i]; CANDIDATES];
-                for (error, past) in errors.iter_mut().zip(&self.past) {
-                    *error = (*error - (later - past[i])).abs();
-                    later = past[i];
+        let mut tally = Tally::default();
+        self.note(&mut tally, (0, live.len()), (live, compare), levels, powers);
+        self.conclude(tally);
+    }
+
+    /// The same for agents `from..to`, `from` being a multiple of 8, up to the conclusion.
+    #[inline(always)]
+    pub(super) fn note(
+        &mut self,
+        tally: &mut Tally,
+        (from, to): (usize, usize),
+        (live, compare): (&[bool], bool),
+        (level, set): (&[f64], &[f64]),
+        (droop, power, power_set): (&[f64], &[f64], &[f64]),
+    ) {
+        let [past_0, past_1, past_2, past_3] = &mut self.past;
+        let (level, set, droop) = (&level[from..to], &set[from..to], &droop[from..to]);
+        let (power, power_set, live) = (&power[from..to], &power_set[from..to], &live[from..to]);
+        let (past_0, past_1, past_2) = (&past_0[from..to], &past_1[from..to], &past_2[from..to]);
+        let (past_3, last) = (&mut past_3[from..to], &mut self.last[from..to]);
+        let at = |base: usize| base..(base + LANES).min(to - from);
+        for base in (0..to - from).step_by(LANES) {
+            let load = |values: &[f64]| {
+                let mut lanes = [0.0; LANES];
+                match values[at(base)].as_array() {
+                    Some(whole) => lanes = *whole,
+                    None => lanes[..at(base).len()].copy_from_slice(&values[at(base)]),
                 }
-                let (worst, best) = errors.iter().fold((0.0, f64::INFINITY), |(worst, best), &error| {
-                    (if error > worst { error } else { worst }, if error < best { error } else { best })
-                });
-                // At rest and at constant speed all lags are alike: the one found is held.
-                if worst - best > ROUNDINGS * f64::EPSILON * (y.abs() + sigma.abs()) {
-                    // As shares, so that one wild measurement weighs no more than another.
-                    let share = 1.0 / worst;
-                    missed.iter_mut().zip(errors).for_each(|(sum, error)| *sum += (error * share).powi(2));
-                    weight += 1.0;
-                }
+                lanes
+            };
+            let mut counted = [false; LANES];
+            for (counted, &live) in counted.iter_mut().zip(&live[at(base)]) {
+                *counted = compare & live;
             }
-            self.last[i] = y;
-            self.past[LONGEST][i] = sigma;
+            let droop = load(droop);
+            let (y, sigma) =
+                (no_loads(load(level), droop, load(power)), no_loads(load(set), droop, load(power_set)));
+            let pasts = [sigma, load(past_0), load(past_1), load(past_2), load(past_3)];
+            tally.take(&counted, &y, &load(last), &pasts);
+            last[at(base)].copy_from_slice(&y[..at(base).len()]);
+            past_3[at(base)].copy_from_slice(&sigma[..at(base).len()]);
         }
+    }
+
+    /// Draws the conclusion when all agents are noted.
+    pub(super) fn conclude(&mut self, tally: Tally) {
+        let missed = tally.missed.map(|lanes| lanes.iter().sum::<f64>());
+        let weight: f64 = tally.weight.iter().sum();
         self.past.rotate_right(1);
         if weight == 0.0 {
             return;
@@ -171,7 +249,7 @@ mod tests {
     fn after(steps: usize, y: impl Fn(usize) -> f64) -> Lag {
         let mut lag = Lag::new(&[sigma(0)]);
         for k in 0..steps {
-            lag.observe(&[true], k > 0, |_| y(k), |_| sigma(k));
+            lag.observe((&[true], k > 0), (&[y(k)], &[sigma(k)]), (&[0.0], &[0.0], &[0.0]));
         }
         lag
     }
@@ -191,13 +269,13 @@ mod tests {
     fn rest_constant_speed_and_measurements_of_something_else_say_nothing() {
         let mut lag = Lag::new(&[1.0]);
         for k in 0..100 {
-            lag.observe(&[true], k > 0, |_| 1.0, |_| 1.0);
+            lag.observe((&[true], k > 0), (&[1.0], &[1.0]), (&[0.0], &[0.0], &[0.0]));
         }
         assert_eq!(lag, Lag { last: vec![1.0], ..Lag::new(&[1.0]) });
         let ramp = |k: usize| 1.0 + 0.125 * k as f64;
         let mut lag = Lag { past: std::array::from_fn(|k| vec![1.0 - 0.125 * (k + 1) as f64]), ..lag };
         for k in 0..100 {
-            lag.observe(&[true], k > 0, |_| ramp(k), |_| ramp(k));
+            lag.observe((&[true], k > 0), (&[ramp(k)], &[ramp(k)]), (&[0.0], &[0.0], &[0.0]));
         }
         assert_eq!((lag.steps(), lag.weight), (0, 0.0));
         // A frequency that goes its own way, large against the setpoint's moves.

@@ -9,6 +9,7 @@
 //! | `config`, `communication`, `validate`, `error` | what a controller is made from, and what is wrong with it |
 //! | `graph`, `clustering`, `topology`, `network` | who talks to whom, from distances to the hot path's arrays |
 //! | `protocol`, `discretisation`, `exchange`, `estimator` | the laws (9)-(13), one function per equation |
+//! | `sweep`, `wave`, `power`, `diagnosis`, `order` | the same for many agents at once, in vector code |
 //! | `delay`, `lag` | what agents know of each other, how late that is |
 //! | `limits`, `authority`, `relay`, `saturation` | what they can do, and what becomes of what they cannot |
 //! | `certificates`, `spectrum` | how long it takes |
@@ -26,6 +27,7 @@ pub mod communication;
 pub mod config;
 mod controller;
 pub mod delay;
+mod diagnosis;
 pub mod discretisation;
 pub mod error;
 pub mod estimator;
@@ -37,6 +39,8 @@ pub mod io;
 pub mod lag;
 pub mod limits;
 pub mod network;
+pub mod order;
+pub mod power;
 pub mod protocol;
 pub mod relay;
 mod saturation;
@@ -44,12 +48,14 @@ pub mod scalar;
 pub mod spectrum;
 mod state;
 mod step;
+mod sweep;
 pub mod tangent;
 mod tangent_diagnostics;
 mod tangent_limits;
 mod time;
 pub mod topology;
 mod validate;
+mod wave;
 
 pub use adopt::{Spectrum, Tie};
 pub use config::Config;

@@ -99,15 +99,25 @@ impl Network {
         self.longest_delay_ns = longest.map_or(0, |(&delay, _)| delay);
         self.longest_follows_common = longest.is_some_and(|(_, edge)| edge.delay_ns.is_none());
         for pin in &mut self.pins {
-            let own = self.delays_ns.iter().zip(self.graph.edges());
-            let own = own.filter(|(_, edge)| edge.a as usize == pin.agent || edge.b as usize == pin.agent);
-            let longest = own.max_by_key(|(delay, _)| **delay);
-            pin.delay_ns = longest.map_or(0, |(&delay, _)| delay);
-            pin.follows_common = longest.is_some_and(|(_, edge)| edge.delay_ns.is_none());
+            (pin.delay_ns, pin.follows_common) = (0, false);
+        }
+        for (&delay, edge) in self.delays_ns.iter().zip(self.graph.edges()) {
+            for end in [edge.a, edge.b] {
+                if let Ok(k) = self.pins.binary_search_by_key(&(end as usize), |pin| pin.agent)
+                    && delay >= self.pins[k].delay_ns
+                {
+                    (self.pins[k].delay_ns, self.pins[k].follows_common) = (delay, edge.delay_ns.is_none());
+                }
+            }
         }
         let edges = if self.longest_delay_ns() > 0 || channel.is_lossy() { self.delays_ns.len() } else { 0 };
         self.known = vec![[Bracket::NOW; 2]; edges];
         self.agreed = vec![Agreed::NOW; edges];
+    }
+
+    /// Whether agents know each other's present: nothing is delayed, nothing lost.
+    pub fn is_present(&self) -> bool {
+        self.known.is_empty()
     }
 
     /// The longest delay, ns.

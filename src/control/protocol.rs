@@ -43,16 +43,24 @@ pub fn reactive_power<S: Scalar>(view: View<'_, S>, flow: &Flow<S>, u_Q: &mut [S
 
 /// (12): u_omega_i = -sum_j w_ij s(omega_i - omega_j) + u_P_i - a_0i s(omega_i - omega_ref), pu/s.
 pub fn frequency<S: Scalar>(view: View<'_, S>, flow: &Flow<S>, u_P: &[S], omega_ref: S, u_omega: &mut [S]) {
-    u_omega.copy_from_slice(u_P);
+    u_omega.fill(S::constant(0.0));
     view.diffuse(Quantity::Omega, flow, u_omega);
     view.network.pull(view.signals.of(Quantity::Omega), omega_ref, flow, u_omega);
+    add(u_P, u_omega);
 }
 
 /// (13): u_V_i = -sum_j w_ij s(V_i - V_j) + u_Q_i - a_0i s(V_i - V_ref), pu/s.
 pub fn voltage<S: Scalar>(view: View<'_, S>, flow: &Flow<S>, u_Q: &[S], V_ref: S, u_V: &mut [S]) {
-    u_V.copy_from_slice(u_Q);
+    u_V.fill(S::constant(0.0));
     view.diffuse(Quantity::V, flow, u_V);
     view.network.pull(view.signals.of(Quantity::V), V_ref, flow, u_V);
+    add(u_Q, u_V);
+}
+
+fn add<S: Scalar>(terms: &[S], sums: &mut [S]) {
+    for (sum, &term) in sums.iter_mut().zip(terms) {
+        *sum = *sum + term;
+    }
 }
 
 /// (13) for the average voltage: u_V_i = u_Q_i - a_0i s(vbar_i - V_ref), pu/s; vbar_i from `estimator`. An agent's

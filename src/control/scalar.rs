@@ -18,6 +18,8 @@ pub trait Scalar:
     fn sqrt(self) -> Self;
     /// Power of a base >= 0; an infinite slope at 0 counts as 0.
     fn powf(self, exponent: Self) -> Self;
+    /// The same for an exponent in (0, 1], as the laws of many agents compute it (`power`).
+    fn fraction(self, exponent: Self) -> Self;
     /// Arc tangent.
     fn atan(self) -> Self;
     /// Exponential.
@@ -56,6 +58,10 @@ impl Scalar for f64 {
     #[inline]
     fn powf(self, exponent: Self) -> Self {
         f64::powf(self, exponent)
+    }
+    #[inline]
+    fn fraction(self, exponent: Self) -> Self {
+        super::power::power(self, exponent)
     }
     #[inline]
     fn atan(self) -> Self {
@@ -175,6 +181,9 @@ impl Scalar for Dual {
         let tangent = weigh(exponent.value * value / self.value, self.tangent)
             + weigh(value * self.value.ln(), exponent.tangent);
         Self::new(value, tangent)
+    }
+    fn fraction(self, exponent: Self) -> Self {
+        self.powf(exponent)
     }
     fn atan(self) -> Self {
         self.times(self.value.atan(), 1.0 / (1.0 + self.value * self.value))

@@ -4,7 +4,6 @@
 use super::config::VoltagePolicy;
 use super::controller::Controller;
 use super::estimator;
-use super::lag::no_load;
 use super::state::{Clock, State};
 use super::time::seconds;
 
@@ -27,11 +26,21 @@ impl Controller {
         }
         state.history.push(start_ns, &scratch.signals, &state.transfers);
         state.transfers.copy_from_slice(&scratch.transfers);
-        state.clock = Clock {
+        self.tick(start_ns, duration_ns);
+    }
+
+    /// What is left to do after a sweep that moved the setpoints.
+    pub(super) fn pass(&mut self, start_ns: i64, duration_ns: i64) {
+        self.state.fade_left_ns = (self.state.fade_left_ns - duration_ns).max(0);
+        self.tick(start_ns, duration_ns);
+    }
+
+    fn tick(&mut self, start_ns: i64, duration_ns: i64) {
+        self.state.clock = Clock {
             now_ns: start_ns.saturating_add(duration_ns),
             sampled_ns: start_ns,
             step_ns: duration_ns,
-            samples: state.clock.samples + 1,
+            samples: self.state.clock.samples + 1,
         };
     }
 
@@ -40,16 +49,14 @@ impl Controller {
         let State { inputs, parameters, outputs, lags, clock, .. } = &mut self.state;
         let (live, compare) = (&self.topology.live, clock.samples > 0);
         lags.frequency.observe(
-            live,
-            compare,
-            |i| no_load(inputs.omega[i], parameters.K_P[i], inputs.P[i]),
-            |i| no_load(outputs.omega_set[i], parameters.K_P[i], outputs.P_set[i]),
+            (live, compare),
+            (&inputs.omega, &outputs.omega_set),
+            (&parameters.K_P, &inputs.P, &outputs.P_set),
         );
         lags.voltage.observe(
-            live,
-            compare,
-            |i| no_load(inputs.V[i], parameters.K_Q[i], inputs.Q[i]),
-            |i| no_load(outputs.V_set[i], parameters.K_Q[i], outputs.Q_set[i]),
+            (live, compare),
+            (&inputs.V, &outputs.V_set),
+            (&parameters.K_Q, &inputs.Q, &outputs.Q_set),
         );
     }
 

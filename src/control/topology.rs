@@ -58,6 +58,20 @@ impl Topologies {
         }
     }
 
+    /// Whether the graphs are written out, so that an agent has the same neighbours whoever else is there.
+    pub fn are_written(&self) -> bool {
+        matches!(self.0, Source::Explicit(_))
+    }
+
+    /// The neighbours of agent `i` in any graph written out, perhaps more than once.
+    pub fn neighbours(&self, i: usize) -> impl Iterator<Item = usize> {
+        let graphs = match &self.0 {
+            Source::Explicit(list) => list.as_slice(),
+            Source::StepByStep { .. } => &[],
+        };
+        graphs.iter().flat_map(move |written| written.graph.neighbours(i)).map(|&j| j as usize)
+    }
+
     /// How CAK found the clusters, when distances were given.
     pub fn clustering(&self) -> Option<&Clustering> {
         match &self.0 {

@@ -17,3 +17,7 @@ pub use controller::Controller;
 #[cfg(feature = "grid")]
 pub use grid::Grid;
 pub use resource::Resource;
+
+/// What makes a controller.
+#[cfg(feature = "controller")]
+pub type ControllerResource = Resource<crate::control::Config>;

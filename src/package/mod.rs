@@ -9,7 +9,7 @@ mod system;
 
 use crate::fmi::lookup::RegistryError;
 use crate::fmi::{Interface, Model, ModelError, model_description};
-use crate::models::{Controller, Grid};
+use crate::models::{Controller, ControllerResource, Grid};
 use crate::scenario::Resolved;
 use archive::Entries;
 pub use libraries::{Libraries, PLATFORM, library_file_name};
@@ -83,6 +83,16 @@ pub fn write_controller(
     archive::write(path, &controller(resolved, interface, libraries)?.1)
 }
 
+/// Writes `BessConsensus.fmu` for a configuration that no scenario has to lead to: of batteries without a grid.
+pub fn write_controller_of(
+    path: &Path,
+    resource: ControllerResource,
+    interface: Interface,
+    libraries: &Libraries,
+) -> Result<(), PackageError> {
+    archive::write(path, &controller_of(resource, interface, libraries)?.1)
+}
+
 /// Writes `BessGrid.fmu` for a scenario.
 pub fn write_grid(
     path: &Path,
@@ -98,7 +108,14 @@ fn controller(
     interface: Interface,
     libraries: &Libraries,
 ) -> Result<(Controller, Entries), PackageError> {
-    let resource = Controller::resource(resolved);
+    controller_of(Controller::resource(resolved), interface, libraries)
+}
+
+fn controller_of(
+    resource: ControllerResource,
+    interface: Interface,
+    libraries: &Libraries,
+) -> Result<(Controller, Entries), PackageError> {
     let json = resource.to_json()?;
     let model = Controller::new(resource)?;
     let entries =

@@ -7,6 +7,7 @@ use super::planes::Planes;
 use super::resource::Resource;
 use crate::control;
 use crate::control::config::Config;
+use crate::control::order::Order;
 use crate::control::tangent::{Direction, Tangents};
 use crate::control::{Inputs, Outputs, Parameters};
 use crate::fmi::{Along, Group, Log, LogLevel, Model, ModelError, Phase, Plane, Step};
@@ -17,6 +18,8 @@ use std::path::Path;
 #[derive(Clone)]
 pub struct Controller {
     experiment: (f64, f64),
+    /// Many agents are numbered anew inside, such that neighbours are close.
+    order: Order,
     planes: Planes<control::Controller, Tangents>,
 }
 
@@ -33,9 +36,24 @@ impl Controller {
 
     /// The model of this configuration, in its start state.
     pub fn new(resource: Resource<Config>) -> Result<Self, ModelError> {
-        let controller =
-            control::Controller::new(resource.config).map_err(|e| ModelError::new(e.to_string()))?;
-        Ok(Self { experiment: (resource.stop_s, resource.step_s), planes: Planes::new(controller) })
+        let refused = |e: control::ConfigError| ModelError::new(e.to_string());
+        // Before anything is renumbered, so that what is wrong is told by the user's numbers.
+        resource.config.validate().map_err(refused)?;
+        let order = Order::local(&resource.config);
+        let controller = control::Controller::new(order.renumbered(resource.config)).map_err(refused)?;
+        let experiment = (resource.stop_s, resource.step_s);
+        Ok(Self { experiment, order, planes: Planes::new(controller) })
+    }
+
+    /// Where the agents are inside.
+    fn order(&self) -> &Order {
+        &self.order
+    }
+
+    /// Place of agent `i` in the arrays.
+    #[inline]
+    fn at(&self, i: usize) -> usize {
+        self.order.at(i)
     }
 
     fn inputs(&self) -> &Inputs {
@@ -83,7 +101,7 @@ impl Model for Controller {
     }
 
     fn variables(&self) -> Vec<Group<Self>> {
-        variables::variables(self.planes.values.agents(), self.planes.values.topologies().count())
+        variables::variables(self.planes.values.agents(), self.planes.values.topologies())
     }
 
     fn state(&self) -> &control::State {
@@ -98,12 +116,14 @@ impl Model for Controller {
         if phase == Phase::Initialization {
             self.planes.values.initialise();
         }
-        self.planes.values.refresh(&mut |event| report(event, log));
+        let order = &self.order;
+        self.planes.values.refresh(&mut |event| report(event, order, log));
         Ok(())
     }
 
     fn step(&mut self, step: Step, log: &mut dyn Log) -> Result<(), ModelError> {
-        self.planes.values.step(step.start_ns, step.duration_ns, &mut |event| report(event, log));
+        let order = &self.order;
+        self.planes.values.step(step.start_ns, step.duration_ns, &mut |event| report(event, order, log));
         Ok(())
     }
 
@@ -131,7 +151,8 @@ impl Model for Controller {
 }
 
 /// Hands an event of the graph to the importer's log.
-fn report(event: control::Event, log: &mut dyn Log) {
+fn report(event: control::Event, order: &Order, log: &mut dyn Log) {
+    let event = event.renumbered(|place| order.agent(place));
     let level = if event.is_warning() { LogLevel::Warning } else { LogLevel::Event };
     log.log(level, format_args!("{event}"));
 }

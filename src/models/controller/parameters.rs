@@ -131,9 +131,10 @@ pub fn fixed(n: usize) -> Vec<Group<Controller>> {
         parameter(
             "K_P",
             "Active power droop",
-            |m: &Controller, i| m.parameters().K_P[i],
+            |m: &Controller, i| m.parameters().K_P[m.at(i)],
             |m: &mut Controller, i, v| {
-                m.parameters_mut().K_P[i] = v;
+                let at = m.at(i);
+                m.parameters_mut().K_P[at] = v;
             },
         )
         .each(n)
@@ -142,9 +143,10 @@ pub fn fixed(n: usize) -> Vec<Group<Controller>> {
         parameter(
             "K_Q",
             "Reactive power droop",
-            |m: &Controller, i| m.parameters().K_Q[i],
+            |m: &Controller, i| m.parameters().K_Q[m.at(i)],
             |m: &mut Controller, i, v| {
-                m.parameters_mut().K_Q[i] = v;
+                let at = m.at(i);
+                m.parameters_mut().K_Q[at] = v;
             },
         )
         .each(n)
@@ -153,9 +155,10 @@ pub fn fixed(n: usize) -> Vec<Group<Controller>> {
         parameter(
             "capacity",
             "Energy capacity C",
-            |m: &Controller, i| m.parameters().capacity[i],
+            |m: &Controller, i| m.parameters().capacity[m.at(i)],
             |m: &mut Controller, i, v| {
-                m.parameters_mut().capacity[i] = v;
+                let at = m.at(i);
+                m.parameters_mut().capacity[at] = v;
             },
         )
         .each(n)
@@ -164,8 +167,11 @@ pub fn fixed(n: usize) -> Vec<Group<Controller>> {
         parameter(
             "P_exchange_max",
             "Most power that the energy exchange asks of the battery",
-            |m: &Controller, i| m.parameters().P_exchange_max[i],
-            |m: &mut Controller, i, v| m.parameters_mut().P_exchange_max[i] = v,
+            |m: &Controller, i| m.parameters().P_exchange_max[m.at(i)],
+            |m: &mut Controller, i, v| {
+                let at = m.at(i);
+                m.parameters_mut().P_exchange_max[at] = v;
+            },
         )
         .each(n)
         .unit(Unit::PerUnit)
@@ -173,8 +179,11 @@ pub fn fixed(n: usize) -> Vec<Group<Controller>> {
         parameter(
             "omega_set_start",
             "Frequency setpoint at the start",
-            |m: &Controller, i| m.parameters().omega_set_start[i],
-            |m: &mut Controller, i, v| m.parameters_mut().omega_set_start[i] = v,
+            |m: &Controller, i| m.parameters().omega_set_start[m.at(i)],
+            |m: &mut Controller, i, v| {
+                let at = m.at(i);
+                m.parameters_mut().omega_set_start[at] = v;
+            },
         )
         .each(n)
         .unit(Unit::PerUnit)
@@ -182,8 +191,11 @@ pub fn fixed(n: usize) -> Vec<Group<Controller>> {
         parameter(
             "V_set_start",
             "Voltage setpoint at the start",
-            |m: &Controller, i| m.parameters().V_set_start[i],
-            |m: &mut Controller, i, v| m.parameters_mut().V_set_start[i] = v,
+            |m: &Controller, i| m.parameters().V_set_start[m.at(i)],
+            |m: &mut Controller, i, v| {
+                let at = m.at(i);
+                m.parameters_mut().V_set_start[at] = v;
+            },
         )
         .each(n)
         .unit(Unit::PerUnit)

@@ -2,6 +2,7 @@
 //! because value references count it.
 
 use super::{Controller, parameters};
+use crate::control::topology::Topologies;
 use crate::fmi::{Access, Causality, Dependencies, Group, Range, Unit};
 use crate::models::variables::{GroupExt, group, input, output, switch};
 
@@ -22,14 +23,44 @@ const MEASUREMENTS: &[&str] = &[
     "topology",
 ];
 
-/// All variables for `n` agents and `topologies` communication graphs.
-pub fn variables(n: usize, topologies: usize) -> Vec<Group<Controller>> {
-    let mut all = inputs(n, topologies);
+/// The measurements among them.
+const MEASURED: &[&str] = &["P", "Q", "V", "omega", "E"];
+/// The scalars among them.
+const COMMON: &[&str] = &["omega_ref", "V_ref", "P_ref", "enable", "dispatch", "topology"];
+/// Up to so many agents all `available` are named. Beyond, those of the agent and its neighbours: that of another
+/// agent counts only where its leaving parts the graph, and the lists would grow with the square of the agents.
+const FEW: usize = 100;
+
+/// All variables for `n` agents with these communication graphs.
+pub fn variables(n: usize, topologies: &Topologies) -> Vec<Group<Controller>> {
+    let written = topologies.are_written();
+    let mut all = inputs(n, topologies.count());
     all.extend(setpoints(n));
-    all.extend(consensus_inputs(n));
-    all.extend(diagnostics(n));
+    all.extend(consensus_inputs(n, written));
+    all.extend(diagnostics(n, written));
     all.extend(parameters::tunable());
     all.extend(parameters::fixed(n));
+    all
+}
+
+/// What the inputs u of an agent follow: where the graphs are written out, it hears its neighbours only.
+fn measurements(written: bool) -> Dependencies<Controller> {
+    if written { Dependencies::Of(heard) } else { Dependencies::All(MEASUREMENTS) }
+}
+
+fn heard(model: &Controller, i: usize) -> Vec<(&'static str, usize)> {
+    let order = model.order();
+    let neighbours = model.topologies().neighbours(order.at(i)).map(|place| order.agent(place));
+    let around: Vec<usize> = std::iter::once(i).chain(neighbours).collect();
+    let named = |name: &'static str, agents: &[usize]| agents.iter().map(|&j| (name, j)).collect::<Vec<_>>();
+    let mut all: Vec<_> = MEASURED.iter().flat_map(|name| named(name, &around)).collect();
+    all.extend(COMMON.iter().map(|&name| (name, 0)));
+    let n = model.agents();
+    all.extend(if n <= FEW {
+        named("available", &(0..n).collect::<Vec<_>>())
+    } else {
+        named("available", &around)
+    });
     all
 }
 
@@ -38,17 +69,21 @@ fn inputs(n: usize, topologies: usize) -> Vec<Group<Controller>> {
         input(
             "P",
             "Measured active power",
-            |m: &Controller, i| m.inputs().P[i],
-            |m: &mut Controller, i, v| m.inputs_mut().P[i] = v,
+            |m: &Controller, i| m.inputs().P[m.at(i)],
+            |m: &mut Controller, i, v| {
+                let at = m.at(i);
+                m.inputs_mut().P[at] = v;
+            },
         )
         .each(n)
         .unit(Unit::PerUnit),
         input(
             "Q",
             "Measured reactive power, inductive positive",
-            |m: &Controller, i| m.inputs().Q[i],
+            |m: &Controller, i| m.inputs().Q[m.at(i)],
             |m: &mut Controller, i, v| {
-                m.inputs_mut().Q[i] = v;
+                let at = m.at(i);
+                m.inputs_mut().Q[at] = v;
             },
         )
         .each(n)
@@ -56,24 +91,33 @@ fn inputs(n: usize, topologies: usize) -> Vec<Group<Controller>> {
         input(
             "V",
             "Measured voltage",
-            |m: &Controller, i| m.inputs().V[i],
-            |m: &mut Controller, i, v| m.inputs_mut().V[i] = v,
+            |m: &Controller, i| m.inputs().V[m.at(i)],
+            |m: &mut Controller, i, v| {
+                let at = m.at(i);
+                m.inputs_mut().V[at] = v;
+            },
         )
         .each(n)
         .unit(Unit::PerUnit),
         input(
             "omega",
             "Measured frequency",
-            |m: &Controller, i| m.inputs().omega[i],
-            |m: &mut Controller, i, v| m.inputs_mut().omega[i] = v,
+            |m: &Controller, i| m.inputs().omega[m.at(i)],
+            |m: &mut Controller, i, v| {
+                let at = m.at(i);
+                m.inputs_mut().omega[at] = v;
+            },
         )
         .each(n)
         .unit(Unit::PerUnit),
         input(
             "E",
             "Stored energy",
-            |m: &Controller, i| m.inputs().E[i],
-            |m: &mut Controller, i, v| m.inputs_mut().E[i] = v,
+            |m: &Controller, i| m.inputs().E[m.at(i)],
+            |m: &mut Controller, i, v| {
+                let at = m.at(i);
+                m.inputs_mut().E[at] = v;
+            },
         )
         .each(n)
         .unit(Unit::PerUnitHour),
@@ -123,8 +167,11 @@ fn inputs(n: usize, topologies: usize) -> Vec<Group<Controller>> {
         switch(
             "available",
             "The agent takes part; if not, it is cut from the graph",
-            |m: &Controller, i| m.inputs().available[i],
-            |m: &mut Controller, i, v| m.inputs_mut().available[i] = v,
+            |m: &Controller, i| m.inputs().available[m.at(i)],
+            |m: &mut Controller, i, v| {
+                let at = m.at(i);
+                m.inputs_mut().available[at] = v;
+            },
         )
         .each(n),
         group(
@@ -143,45 +190,47 @@ fn inputs(n: usize, topologies: usize) -> Vec<Group<Controller>> {
 /// Sampled outputs: they change in a step only.
 fn setpoints(n: usize) -> Vec<Group<Controller>> {
     vec![
-        output("omega_set", "Frequency setpoint of the droop", |m: &Controller, i| m.outputs().omega_set[i]),
-        output("V_set", "Voltage setpoint of the droop", |m: &Controller, i| m.outputs().V_set[i]),
-        output("P_set", "Active power reference: the energy exchange", |m: &Controller, i| {
-            m.outputs().P_set[i]
+        output("omega_set", "Frequency setpoint of the droop", |m: &Controller, i| {
+            m.outputs().omega_set[m.at(i)]
         }),
-        output("Q_set", "Reactive power reference", |m: &Controller, i| m.outputs().Q_set[i]),
+        output("V_set", "Voltage setpoint of the droop", |m: &Controller, i| m.outputs().V_set[m.at(i)]),
+        output("P_set", "Active power reference: the energy exchange", |m: &Controller, i| {
+            m.outputs().P_set[m.at(i)]
+        }),
+        output("Q_set", "Reactive power reference", |m: &Controller, i| m.outputs().Q_set[m.at(i)]),
     ]
     .into_iter()
     .map(|g| g.each(n).unit(Unit::PerUnit))
     .collect()
 }
 
-fn consensus_inputs(n: usize) -> Vec<Group<Controller>> {
+fn consensus_inputs(n: usize, written: bool) -> Vec<Group<Controller>> {
     vec![
         output("u_omega", "Consensus input of the frequency, equation (12)", |m: &Controller, i| {
-            m.outputs().u_omega[i]
+            m.outputs().u_omega[m.at(i)]
         }),
         output("u_P", "Consensus input of the active power, equation (9)", |m: &Controller, i| {
-            m.outputs().u_P[i]
+            m.outputs().u_P[m.at(i)]
         }),
         output("u_E", "Consensus input of the state of charge, equation (11)", |m: &Controller, i| {
-            m.outputs().u_E[i]
+            m.outputs().u_E[m.at(i)]
         }),
         output("u_V", "Consensus input of the voltage, equation (13)", |m: &Controller, i| {
-            m.outputs().u_V[i]
+            m.outputs().u_V[m.at(i)]
         }),
         output("u_Q", "Consensus input of the reactive power, equation (10)", |m: &Controller, i| {
-            m.outputs().u_Q[i]
+            m.outputs().u_Q[m.at(i)]
         }),
     ]
     .into_iter()
     .map(|g| {
         let unit = if g.name == "u_E" { Unit::PerSecond } else { Unit::PerUnitPerSecond };
-        g.each(n).unit(unit).follows(Dependencies::All(MEASUREMENTS))
+        g.each(n).unit(unit).follows(measurements(written))
     })
     .collect()
 }
 
-fn diagnostics(n: usize) -> Vec<Group<Controller>> {
+fn diagnostics(n: usize, written: bool) -> Vec<Group<Controller>> {
     let errors = [
         output("spread_P", "Largest difference of K_P (P - P_set)", |m: &Controller, _| m.outputs().spread_P)
             .follows(Dependencies::All(&["P", "available"])),
@@ -233,20 +282,20 @@ fn diagnostics(n: usize) -> Vec<Group<Controller>> {
             "cluster",
             "Number of the agent's cluster, from 1",
             Causality::Output,
-            Access::Integer(|m: &Controller, i| m.outputs().cluster[i], None),
+            Access::Integer(|m: &Controller, i| m.outputs().cluster[m.at(i)], None),
         )
         .each(n)
-        .follows(Dependencies::All(&["available", "topology"])),
+        .follows(Dependencies::All(if written { &["topology"] } else { &["available", "topology"] })),
     );
     all.push(
         group(
             "saturated",
             "A limit of the agent is active",
             Causality::Output,
-            Access::Boolean(|m: &Controller, i| m.outputs().saturated[i], None),
+            Access::Boolean(|m: &Controller, i| m.outputs().saturated[m.at(i)], None),
         )
         .each(n)
-        .follows(Dependencies::All(MEASUREMENTS)),
+        .follows(measurements(written)),
     );
     all
 }

@@ -11,7 +11,7 @@ const REAL_TIME: Bar = Bar::AtLeast(1.0);
 
 /// 9241 buses with a bar; 57, 2869 and 70,000 for information.
 pub fn rows(workspace: &Workspace, runs: u32) -> Result<Vec<Row>, Failure> {
-    let program = build(workspace)?;
+    let program = build(workspace, "grid")?;
     let peers = match Peers::new(workspace) {
         Ok(peers) => peers,
         Err(failure) => {

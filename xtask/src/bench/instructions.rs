@@ -46,7 +46,7 @@ const LOOPS: [Loop; 5] = [
 
 /// All rows.
 pub fn rows(workspace: &Workspace) -> Result<Vec<Row>, Failure> {
-    let program = build(workspace)?;
+    let program = build(workspace, "grid")?;
     provide(workspace, &[Need::Valgrind]);
     let peers = Peers::new(workspace);
     let mut rows = Vec::new();

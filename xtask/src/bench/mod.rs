@@ -4,7 +4,9 @@
 //! One file per family of rows; each gives back its rows and leaves the printing to this one.
 
 mod case1;
+mod controller;
 mod dynamics;
+mod export;
 mod instructions;
 mod peers;
 mod power_flow;
@@ -21,6 +23,10 @@ use serde_json::Value;
 pub enum Family {
     /// Case 1, both FMUs in the harness, against ANDES
     Case1,
+    /// The controller's step for a million agents, against the floor of the machine
+    Controller,
+    /// Export of 10,000 agents, against FMPy's reading of it
+    Export,
     /// The power flow against lightsim2grid and MATPOWER
     PowerFlow,
     /// A grid of 9241 buses with 1,445 BESS against real time
@@ -33,6 +39,8 @@ impl Family {
     fn measure(self, workspace: &Workspace, runs: u32) -> Result<Vec<Row>, Failure> {
         match self {
             Family::Case1 => case1::rows(workspace, runs),
+            Family::Controller => controller::rows(workspace, runs),
+            Family::Export => export::rows(workspace, runs),
             Family::PowerFlow => power_flow::rows(workspace, runs),
             Family::Dynamics => dynamics::rows(workspace, runs),
             Family::Instructions => instructions::rows(workspace),

@@ -24,7 +24,7 @@ const SOLVES: &str = "21";
 
 /// All rows.
 pub fn rows(workspace: &Workspace, runs: u32) -> Result<Vec<Row>, Failure> {
-    let program = build(workspace)?;
+    let program = build(workspace, "grid")?;
     let mut rows = Vec::new();
     let peers = match Peers::new(workspace) {
         Ok(peers) => peers,

@@ -1,4 +1,4 @@
-//! The bench program of this repository (benches/grid.rs): built in release, no native target, and run.
+//! The bench programs of this repository (benches/*.rs): built in release, no native target, and run.
 
 use crate::{
     error::Failure,
@@ -8,17 +8,17 @@ use crate::{
 use serde_json::Value;
 use std::path::PathBuf;
 
-/// Builds the program and gives back where it is.
-pub fn build(workspace: &Workspace) -> Result<PathBuf, Failure> {
+/// Builds a program and gives back where it is.
+pub fn build(workspace: &Workspace, name: &str) -> Result<PathBuf, Failure> {
     let mut build = cargo(workspace);
-    build.args(["build", "--release", "--bench", "grid", "--message-format", "json-render-diagnostics"]);
+    build.args(["build", "--release", "--bench", name, "--message-format", "json-render-diagnostics"]);
     let messages = output(&mut build)?;
     messages
         .lines()
         .filter_map(|line| serde_json::from_str::<Value>(line).ok())
-        .filter(|message| message["target"]["name"] == "grid" && message["target"]["kind"][0] == "bench")
+        .filter(|message| message["target"]["name"] == name && message["target"]["kind"][0] == "bench")
         .find_map(|message| message["executable"].as_str().map(PathBuf::from))
-        .ok_or_else(|| Failure::Other("cargo built no bench program `grid`".into()))
+        .ok_or_else(|| Failure::Other(format!("cargo built no bench program `{name}`")))
 }
 
 /// Runs the program; it prints one line of JSON.

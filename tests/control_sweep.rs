@@ -1,0 +1,93 @@
+//! The sweep over many agents gives the bits of the step that does everything: a rate limit that never binds
+//! keeps a controller from sweeping.
+#![cfg(feature = "controller")]
+#![allow(non_snake_case, clippy::unwrap_used, clippy::panic)]
+
+mod control_support;
+
+use bess_consensus::control::communication;
+use bess_consensus::control::config::{Discretisation, Limits};
+use bess_consensus::control::{Config, Controller};
+use control_support::*;
+
+/// A ring with chords, some of them long, and a few pins.
+fn config(n: usize, random: &mut Random) -> Config {
+    let mut edges: Vec<_> = (0..n).map(|i| edge(i, (i + 1) % n, random.within(0.2, 1.0))).collect();
+    for _ in 0..n {
+        let a = random.integer(0, n - 1);
+        let b = (a + random.integer(2, n - 2)) % n;
+        let new = |e: &&communication::ExplicitEdge| {
+            let ends = [e.a as usize - 1, e.b as usize - 1];
+            ends != [a, b] && ends != [b, a]
+        };
+        if a != b && edges.iter().filter(new).count() == edges.len() {
+            edges.push(edge(a, b, random.within(0.2, 1.0)));
+        }
+    }
+    let pins = (0..3).map(|k| pin(k * n / 3, random.within(0.5, 1.0))).collect();
+    Config {
+        K_P: random.values(n, 0.002, 0.006),
+        K_Q: random.values(n, 0.01, 0.03),
+        capacity: random.values(n, 5.0, 20.0),
+        P_exchange_max: random.values(n, 0.02, 1.0),
+        omega_set_start: random.values(n, 0.998, 1.002),
+        V_set_start: random.values(n, 1.0, 1.04),
+        exchange_fade_s: 0.05,
+        ..Config::unit(n, explicit(edges, pins))
+    }
+}
+
+fn measure(controller: &mut Controller, k: usize, random: &mut Random) {
+    let n = controller.agents();
+    let setpoints: Vec<(f64, f64)> =
+        (0..n).map(|i| (controller.outputs().omega_set[i], controller.outputs().V_set[i])).collect();
+    let inputs = controller.inputs_mut();
+    for (i, (omega, V)) in setpoints.into_iter().enumerate() {
+        inputs.P[i] = random.within(0.0, 1.0);
+        inputs.Q[i] = random.within(-0.5, 0.5);
+        (inputs.omega[i], inputs.V[i]) = (omega - 0.004 * inputs.P[i], V - 0.02 * inputs.Q[i]);
+        inputs.E[i] = random.within(5.0, 10.0);
+    }
+    inputs.enable = true;
+    inputs.dispatch = k > 8;
+    inputs.P_ref = 1e-4;
+    inputs.available[n / 2] = !(4..7).contains(&k);
+}
+
+fn same_bits(n: usize, eta: f64, discretisation: Discretisation) {
+    let mut random = Random(n as u64 + 1);
+    let plain = Config { eta, discretisation, ..config(n, &mut random) };
+    let limits = Limits { omega_set_rate: Some(vec![1e300; n]), ..Limits::default() };
+    let (mut swept, mut whole) =
+        (Controller::new(plain.clone()).unwrap(), Controller::new(Config { limits, ..plain }).unwrap());
+    for k in 0..14 {
+        let mut again = Random(random.next() | 1);
+        let mut once_more = Random(again.0);
+        measure(&mut swept, k, &mut again);
+        measure(&mut whole, k, &mut once_more);
+        let start_ns = k as i64 * 10_000_000;
+        swept.refresh(&mut |_| {});
+        whole.refresh(&mut |_| {});
+        assert_eq!(swept.outputs(), whole.outputs(), "refreshed, n = {n}, eta = {eta}, step {k}");
+        swept.step(start_ns, 10_000_000, &mut |_| {});
+        whole.step(start_ns, 10_000_000, &mut |_| {});
+        assert_eq!(swept.outputs(), whole.outputs(), "n = {n}, eta = {eta}, step {k}");
+        assert_eq!(swept.lags(), whole.lags());
+    }
+    let moved = swept.outputs().u_omega.iter().filter(|u| **u != 0.0).count();
+    assert!(moved > n / 2 && swept.outputs().saturated.contains(&true), "something was compared");
+}
+
+#[test]
+fn few_agents_and_many_at_all_exponents() {
+    for n in [7, 255, 257, 1000] {
+        for eta in [0.5, 0.3, 1.0] {
+            same_bits(n, eta, Discretisation::Capped);
+        }
+    }
+}
+
+#[test]
+fn the_bare_law() {
+    same_bits(300, 0.5, Discretisation::Explicit);
+}
