@@ -105,11 +105,13 @@ impl Stage {
         };
         match self {
             Stage::Fmt => start(&mut cargo("fmt --all --check")),
-            Stage::Clippy => start(&mut cargo("clippy --workspace --all-targets -- -D warnings")),
-            // In release, so that the dependencies are built once for tests and FMUs, and the tests see the
-            // numbers that users get.
+            // All in release, so that macros, build scripts and dependencies are built once for lints, tests and
+            // FMUs, and the tests see the numbers that users get.
+            Stage::Clippy => start(&mut cargo("clippy --release --workspace --all-targets -- -D warnings")),
             Stage::Rust => start(&mut cargo("test --release --workspace")),
-            Stage::Doc => start(cargo("doc --workspace --no-deps").env("RUSTDOCFLAGS", "-D warnings")),
+            Stage::Doc => {
+                start(cargo("doc --release --workspace --no-deps").env("RUSTDOCFLAGS", "-D warnings"))
+            }
             Stage::Bindings => bindings::check(workspace),
             Stage::Fmu => fmu::build_and_pack(workspace),
             Stage::Fmpy => start(tests_in_python(workspace, "fmpy")?.args(pytest)),
