@@ -17,10 +17,10 @@ pub fn test(workspace: &Workspace, pytest: &[String]) -> Result<(), Failure> {
     run(test.args(["-m", "pytest", "-ra", "tests/platforms"]).args(pytest))
 }
 
-/// Builds the wheel and has `tests/wheel` install and use it; the environment with FMPy never sees the wheel.
+/// Builds the wheel and has `tests/wheel` install and use it; FMPy's environment, which judges, never sees the wheel.
 pub fn test_wheel(workspace: &Workspace, pytest: &[String]) -> Result<(), Failure> {
     let file = wheel(workspace)?;
-    let mut test = command(workspace, python::environment(workspace, "wheel")?);
+    let mut test = command(workspace, python::environment(workspace, "fmpy")?);
     test.env("BESS_WHEEL", file);
     run(test.args(["-m", "pytest", "-ra", "tests/wheel"]).args(pytest))
 }
