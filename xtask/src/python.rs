@@ -41,7 +41,9 @@ pub fn environment_of(workspace: &Workspace, folder: &str, name: &str) -> Result
     run(command(workspace, "python3").args(["-m", "venv", "--clear"]).arg(&folder))?;
     let mut pip = command(workspace, &python);
     pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-input"]);
-    run(pip.args(["--only-binary=:all:", "--require-hashes", "-r"]).arg(&requirements))?;
+    // Python compiles what it imports; most of what the big packages bring it never does.
+    pip.args(["--no-compile", "--only-binary=:all:", "--require-hashes", "-r"]);
+    run(pip.arg(&requirements))?;
     // Written last: half an installation is made anew.
     std::fs::write(&stamp, wanted).map_err(Failure::file("write", &stamp))?;
     Ok(python)
