@@ -46,12 +46,12 @@ def test_frequency_and_sharing_settle(grid, controller_fmu, exchange):
     start = {"omega_set_start": grid.omega_set, "V_set_start": grid.V_set}
     controller = Controller(controller_fmu, **start)
     if not exchange:
-        controller.set(["gain_E"], [0.0])
+        controller.set("gain_E", 0.0)
     controller.start(grid.measure())
     record = Record(andes_grid.K_P)
     for k in range(round(STOP / H)):
         if k == round(ENABLE / H):
-            controller.enable()
+            controller.set("enable", True)
         if k == round(LOAD / H):
             grid.add_load(12, -0.5, -0.5)
         setpoints, measured = controller.setpoints(), grid.measure()
