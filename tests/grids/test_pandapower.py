@@ -75,14 +75,23 @@ def in_fmpy(controller_fmu, pandapower_fmu, tmp_path_factory):
     return record, measured
 
 
-@pytest.fixture(scope="module")
-def by_bess(bess, pandapower_fmu, tmp_path_factory):
-    """Folder of the results of `bess run` with Case57.fmu and the connection table."""
+@pytest.fixture(scope="module", autouse=True)
+def started(bess, pandapower_fmu, tmp_path_factory):
+    """`bess run` with Case57.fmu and the connection table, on its way beside FMPy's loop; and its folder."""
     folder = tmp_path_factory.mktemp("run")
     shutil.copy(pandapower_fmu, folder)
     shutil.copy(os.path.join(os.path.dirname(__file__), "scenario.json"), folder)
-    subprocess.run([bess, "run", "scenario.json", "-o", "out"], cwd=folder, env=environment(), check=True)
-    return folder / "out"
+    command = [bess, "run", "scenario.json", "-o", "out"]
+    with subprocess.Popen(command, cwd=folder, env=environment(), stdin=subprocess.DEVNULL) as process:
+        yield process, folder / "out"
+
+
+@pytest.fixture(scope="module")
+def by_bess(started):
+    """Folder of the results, complete."""
+    process, folder = started
+    assert process.wait() == 0
+    return folder
 
 
 def environment():
