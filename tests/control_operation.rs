@@ -268,28 +268,3 @@ fn half_a_second_of_delay_with_losses_still_ends_in_consensus() {
         assert!(P < bar && omega < bar, "{P} {omega}");
     }
 }
-
-/// Not run by default: how long a step of a million agents takes, and that nothing grows with n^2.
-#[test]
-#[ignore = "a measurement, not a check"]
-fn a_million_agents() {
-    let n = 1_000_000;
-    let mut random = Random(31);
-    let mut edges: Vec<_> = (0..n).map(|i| edge(i, (i + 1) % n, 1.0)).collect();
-    edges.extend((0..n / 2).map(|i| edge(i, i + n / 2 - 7, random.within(0.3, 1.0))));
-    let pins = (0..n).step_by(100).map(|i| pin(i, 1.0)).collect();
-    let started = std::time::Instant::now();
-    let mut controller = enabled(Config::unit(n, explicit(edges, pins)));
-    println!("made in {:.1?}, {:?}", started.elapsed(), controller.spectrum().P.lambda);
-    let inputs = controller.inputs_mut();
-    (inputs.P, inputs.omega) = (random.values(n, 0.5, 1.5), random.values(n, 0.9, 1.1));
-    let started = std::time::Instant::now();
-    for k in 0..5 {
-        controller.step(k * 10_000_000, 10_000_000, &mut |_| {});
-    }
-    println!(
-        "{:.1?} a step, sum of P_set {:.1e}",
-        started.elapsed() / 5,
-        controller.outputs().P_set.iter().sum::<f64>()
-    );
-}
