@@ -1,7 +1,7 @@
 //! What follows the inputs at once: the signals, the five inputs of the paper after limits, the energy
 //! exchange that a step would set, the diagnostics. Writes outputs and scratch, never setpoints or memory.
 
-use super::config::{Discretisation, VoltagePolicy};
+use super::config::{Discretisation, MeasurementFilter, VoltagePolicy};
 use super::controller::Controller;
 use super::delay::Quantity;
 use super::diagnosis::{Diagnosis, Seen};
@@ -25,6 +25,17 @@ const SHARE_LOOPS: f64 = 2.0;
 /// P and Q the average voltage has to follow. Where the layer grows with the delay, the run does not depend on the
 /// step. From 1/30 the turns linger, beyond 1/10 the sharing itself is slow; in between it hardly matters.
 const DELAY_LAYER: f64 = 1.0 / 20.0;
+
+/// The filtered signals in the order of the state's `filtered`, each with its time constant, s.
+pub(super) fn filters(filter: &MeasurementFilter) -> [(Quantity, f64); 5] {
+    [
+        (Quantity::Omega, filter.omega_s),
+        (Quantity::P, filter.P_s),
+        (Quantity::V, filter.V_s),
+        (Quantity::Q, filter.Q_s),
+        (Quantity::Soc, filter.E_s),
+    ]
+}
 
 impl Controller {
     /// Evaluates everything at `now_ns` for a step of `h_ns`.
@@ -77,18 +88,8 @@ impl Controller {
             signals.of_mut(Quantity::Soc)[i] = inputs.E[i] / parameters.capacity[i];
         }
         if !scratch.filtered.is_empty() {
-            let filter = self.fixed.filter;
             let elapsed_s = seconds((now_ns - state.clock.sampled_ns).max(0));
-            for (k, (quantity, constant_s)) in [
-                (Quantity::Omega, filter.omega_s),
-                (Quantity::P, filter.P_s),
-                (Quantity::V, filter.V_s),
-                (Quantity::Q, filter.Q_s),
-                (Quantity::Soc, filter.E_s),
-            ]
-            .into_iter()
-            .enumerate()
-            {
+            for (k, (quantity, constant_s)) in filters(&self.fixed.filter).into_iter().enumerate() {
                 // The exact response of a first-order lag to a held measurement.
                 let share = if constant_s > 0.0 { -(-elapsed_s / constant_s).exp_m1() } else { 1.0 };
                 let values = signals.of_mut(quantity);
