@@ -210,11 +210,17 @@ impl Controller {
 
     /// Boundary layer of the exchange for a step of `h_s`, s.
     pub(super) fn exchange_layer(&self, h_s: f64) -> f64 {
-        let parameters = &self.state.parameters;
+        self.exchange_layer_of(h_s, self.state.parameters.theta_E)
+    }
+
+    /// The same with this theta_E, s.
+    pub(super) fn exchange_layer_of<S: Scalar>(&self, h_s: f64, theta_E_s: S) -> S {
         // theta_E is part of the exchange, not of its sampling: the bare law keeps it.
-        match parameters.discretisation {
-            Discretisation::Capped => (self.state.lags.frequency.loop_steps() * h_s).max(parameters.theta_E),
-            Discretisation::Explicit => parameters.theta_E,
+        match self.state.parameters.discretisation {
+            Discretisation::Capped => {
+                S::constant(self.state.lags.frequency.loop_steps() * h_s).max(theta_E_s)
+            }
+            Discretisation::Explicit => theta_E_s,
         }
     }
 

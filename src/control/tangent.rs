@@ -230,16 +230,10 @@ impl Controller {
         let h_s = seconds(h_ns);
         let parameters = &self.state.parameters;
         let theta_E = Dual::new(parameters.theta_E, tangents.parameters.theta_E);
-        let theta_s = match parameters.discretisation {
-            Discretisation::Capped => {
-                Dual::constant(self.state.lags.frequency.loop_steps() * h_s).max(theta_E)
-            }
-            Discretisation::Explicit => theta_E,
-        };
         let exchange = Exchange {
             power: tuned.power,
             gain: Dual::new(parameters.gain_E, tangents.parameters.gain_E),
-            theta_s,
+            theta_s: self.exchange_layer_of(h_s, theta_E),
             h_s,
             capacity: &parameters.capacity,
             P_max: &parameters.P_exchange_max,
