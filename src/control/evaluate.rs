@@ -262,7 +262,6 @@ impl Controller {
     fn diagnose(&mut self) {
         let (signals, inputs) = (&self.scratch.signals, &self.state.inputs);
         let (available, live) = (&self.state.adopted.available, &self.topology.live);
-        let owed = |k: usize, i: usize| self.state.owed[k].get(i).copied().unwrap_or(0.0);
         let goal = inputs.dispatch.then_some(inputs.P_ref);
         let mut diagnosis = Diagnosis::new(inputs.omega_ref, inputs.V_ref, goal);
         diagnosis.take(0, live.len(), |i| Seen {
@@ -271,9 +270,9 @@ impl Controller {
             told_p: signals.of(Quantity::P)[i],
             own: [
                 signals.of(Quantity::Omega)[i],
-                signals.of(Quantity::P)[i] - owed(0, i),
+                self.own(signals, Quantity::P, i),
                 signals.of(Quantity::V)[i],
-                signals.of(Quantity::Q)[i] - owed(1, i),
+                self.own(signals, Quantity::Q, i),
                 signals.of(Quantity::Soc)[i],
                 0.0,
                 0.0,
