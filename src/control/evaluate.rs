@@ -56,7 +56,9 @@ impl Controller {
             self.limit(h_s);
             self.exchange(h_ns);
         } else {
-            self.scratch.owed.iter_mut().for_each(|owed| owed.fill(0.0));
+            for i in 0..self.agents() {
+                self.rest(i);
+            }
             let outputs = &mut self.state.outputs;
             for u in
                 [&mut outputs.u_omega, &mut outputs.u_P, &mut outputs.u_E, &mut outputs.u_V, &mut outputs.u_Q]

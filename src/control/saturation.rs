@@ -62,8 +62,7 @@ impl Controller {
                 let room = (scratch.room[2 * k][i], scratch.room[2 * k + 1][i]);
                 let Split { done, owed } = split(u[i], state.owed[k][i], room, h_s, theta_s);
                 u[i] = done;
-                // Who is not live hears nobody.
-                scratch.owed[k][i] = if self.topology.live[i] { owed } else { 0.0 };
+                scratch.owed[k][i] = owed;
             }
         }
     }
@@ -72,6 +71,7 @@ impl Controller {
     pub(super) fn limit(&mut self, h_s: f64) {
         for i in 0..self.agents() {
             if !self.topology.live[i] {
+                self.rest(i);
                 continue;
             }
             let (mut u_omega, mut u_V) = (self.state.outputs.u_omega[i], self.state.outputs.u_V[i]);
@@ -86,11 +86,21 @@ impl Controller {
             let slowed = restrict(u_V, rate, outputs.V_set[i], range, h_s);
             if let (true, Some(learnt)) = (slowed != u_V, self.scratch.authority.get_mut(i)) {
                 // How fast the power goes then is the ramp's doing.
-                learnt.excess = 0.0;
+                *learnt = learnt.at_rest();
             }
             let outputs = &mut self.state.outputs;
             outputs.saturated[i] = at_limit || u_omega != outputs.u_omega[i] || slowed != outputs.u_V[i];
             (outputs.u_omega[i], outputs.u_V[i]) = (u_omega, slowed);
+        }
+    }
+
+    /// An agent that does not act owes nothing, and learns nothing until it does.
+    pub(super) fn rest(&mut self, i: usize) {
+        for owed in &mut self.scratch.owed {
+            owed.get_mut(i).into_iter().for_each(|owed| *owed = 0.0);
+        }
+        if let (Some(next), Some(known)) = (self.scratch.authority.get_mut(i), self.state.authority.get(i)) {
+            *next = known.at_rest();
         }
     }
 
