@@ -79,6 +79,28 @@ fn rollback_and_repetition_are_bit_identical() {
 }
 
 #[test]
+fn what_was_looked_at_before_the_start_leaves_nothing_behind() {
+    let limited: Change = |c| {
+        c.limits.P_max = Some(vec![0.9; 7]);
+        c.measurement_filter = MeasurementFilter { P_s: 0.1, ..Default::default() };
+    };
+    let [mut fresh, mut looked_at] = [seven(limited).0, seven(limited).0];
+    for P in [0.3, 0.7] {
+        looked_at.controller.inputs_mut().P.fill(P);
+        looked_at.controller.initialise();
+    }
+    for coupled in [&mut fresh, &mut looked_at] {
+        coupled.tell();
+        coupled.controller.initialise();
+    }
+    for k in 0..3 {
+        assert_eq!(bits(&fresh.controller), bits(&looked_at.controller), "step {k}");
+        fresh.step(10_000_000);
+        looked_at.step(10_000_000);
+    }
+}
+
+#[test]
 fn a_foreign_state_is_refused_and_changes_nothing() {
     let (mut coupled, _) = seven(|_| {});
     coupled.step(10_000_000);

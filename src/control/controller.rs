@@ -215,6 +215,11 @@ impl Controller {
         let chosen = usize::try_from(i64::from(inputs.topology) - 1);
         adopted.topology = chosen.ok().filter(|&k| k < self.topologies.count()).unwrap_or(0);
         self.state.clock = Clock::default();
+        // What evaluations before have left there must not reach the state.
+        let scratch = &mut self.scratch;
+        for values in [&mut scratch.filtered, &mut scratch.shares, &mut scratch.followed] {
+            values.fill(0.0);
+        }
         self.state.filtered.clone_from(&self.scratch.filtered);
         self.state.shares.clone_from(&self.scratch.shares);
         self.state.followed.clone_from(&self.scratch.followed);
