@@ -268,6 +268,24 @@ fn a_delayed_neighbour_is_seen_as_it_was_and_oneself_as_one_is() {
 }
 
 #[test]
+fn delays_beyond_all_time_hold_the_first_sample() {
+    // Whatever is finite may be set; in nanoseconds it ends at the largest number there is.
+    let after = |s: f64| {
+        let (mut coupled, _) = seven(|c| {
+            c.gains.E = 0.0;
+            c.delay_s = s;
+            c.channel = Channel { jitter_s: s, loss: 0.2, seed: 3 };
+        });
+        coupled.now_ns = -20_000_000;
+        for _ in 0..20 {
+            coupled.step(10_000_000);
+        }
+        coupled.controller.outputs().clone()
+    };
+    assert_eq!(after(1e300), after(1e6));
+}
+
+#[test]
 fn half_a_second_of_delay_with_losses_still_ends_in_consensus() {
     for (channel, bar) in [(Channel::default(), 1e-6), (Channel { jitter_s: 0.2, loss: 0.2, seed: 3 }, 1e-3)]
     {
