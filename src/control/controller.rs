@@ -68,6 +68,42 @@ pub(super) struct Scratch {
     pub wave: Wave,
 }
 
+/// Whether `sweep` does all that a configuration asks for, as far as nothing changes it between steps. Every option
+/// is named, so that a new one is not forgotten here.
+fn is_plain(config: &Config) -> bool {
+    let Config {
+        // What `sweep` does.
+        K_P: _,
+        K_Q: _,
+        capacity: _,
+        P_exchange_max: _,
+        omega_set_start: _,
+        V_set_start: _,
+        eta: _,
+        gains: _,
+        theta_min_s: _,
+        theta_E_s: _,
+        discretisation: _,
+        exchange_fade_s: _,
+        // What `Controller::is_plain` looks at in every step.
+        delay_s: _,
+        voltage_policy: _,
+        communication: _,
+        channel: _,
+        // What it leaves to `evaluate`.
+        law,
+        limits,
+        measurement_filter,
+        no_circulation,
+        lost_link_fade_s,
+    } = config;
+    *law == Law::FiniteTime
+        && *limits == Limits::default()
+        && *measurement_filter == MeasurementFilter::default()
+        && !no_circulation
+        && lost_link_fade_s.is_none()
+}
+
 impl Controller {
     /// A controller in its start state.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
@@ -109,11 +145,7 @@ impl Controller {
             no_circulation: config.no_circulation,
             lost_link_fade_s: config.lost_link_fade_s,
             exchange_fade_s: config.exchange_fade_s,
-            is_plain: config.law == Law::FiniteTime
-                && config.limits == Limits::default()
-                && config.measurement_filter == MeasurementFilter::default()
-                && !config.no_circulation
-                && config.lost_link_fade_s.is_none(),
+            is_plain: is_plain(&config),
         };
         let bounded = fixed.limits.power || fixed.no_circulation;
         let scratch = Scratch {
