@@ -181,6 +181,9 @@ impl Controller {
         if self.state.parameters.voltage_policy == VoltagePolicy::Average {
             self.state.history.keep_transfers(self.network.graph.edges().len());
         }
+        if self.spectrum.tuning == Some(tuning) {
+            return;
+        }
         self.spectrum = Spectrum {
             P: self.tie(tuning.gain_P, tuning.eta, tuning.dispatch),
             omega: self.tie(tuning.gain_omega, tuning.eta, true),
