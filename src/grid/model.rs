@@ -234,7 +234,11 @@ impl GridModel {
     pub fn set_state(&mut self, state: &State) -> Result<(), GridError> {
         state.validate(self.n(), self.n_bus(), self.plant.tie.is_some())?;
         self.in_line = false;
-        self.network.update(&conditions(state))?;
+        if let Err(refused) = self.network.update(&conditions(state)) {
+            // Back to the network of the state that stays, if it had one.
+            let _ = self.bring_in_line();
+            return Err(refused);
+        }
         self.state.clone_from(state);
         self.readout.get_mut().valid = false;
         Ok(())
