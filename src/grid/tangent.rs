@@ -264,7 +264,8 @@ impl Network {
                 size = worse(size, next.norm());
                 *dj = next;
             }
-            if change <= LOAD_TOLERANCE_PU * size {
+            // Both are infinite when anything is not a number.
+            if change.is_finite() && change <= LOAD_TOLERANCE_PU * size {
                 return Ok(());
             }
         }
