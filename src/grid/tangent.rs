@@ -223,11 +223,6 @@ impl GridModel {
 }
 
 impl Network {
-    /// Current of source `i` at voltage `e` into buses at `v`, pu; linear, and so of tangents too.
-    fn source_current(&self, i: usize, e: c64, v: &[c64]) -> c64 {
-        self.source[i] * (e - v[self.plant.bess_bus[i]])
-    }
-
     /// The tangents `dv` of the bus voltages `v` from those of the sources and of the load changes:
     /// Y dv = y_c de - dY v + dj(dv), dj that of the loads that are not impedances.
     fn voltage_rates(
