@@ -80,6 +80,24 @@ fn with_the_states_held() {
     }
 }
 
+/// Loads that are not impedances are looked for; what is no number is not found.
+#[test]
+fn a_direction_beyond_all_numbers_is_refused() {
+    for (name, set, tie) in
+        CASES.into_iter().filter(|(_, set, _)| set.iter().any(|(key, _)| key.ends_with("load_model")))
+    {
+        let mut instance = grid(name, set, Interface::Structured);
+        scatter(&mut instance, &mut Scatter(7), tie);
+        instance.enter_initialization_mode().unwrap();
+        instance.exit_initialization_mode().unwrap();
+        let (known, unknown) = (references(&instance, &["dP_load", "dQ_load"]), outputs(&instance));
+        let (seeds, mut rates) = (vec![f64::MAX; known.len()], vec![0.0; unknown.len()]);
+        let refused = instance.get_directional_derivative(&unknown, &known, &seeds, &mut rates);
+        assert!(refused.unwrap_err().to_string().contains("fmi2GetDirectionalDerivative"));
+        assert!(rates.iter().all(|rate| *rate == 0.0), "a refused call writes nothing");
+    }
+}
+
 #[test]
 fn at_the_start_through_the_steady_state() {
     for (name, set, tie) in CASES {
