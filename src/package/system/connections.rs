@@ -4,6 +4,7 @@ use super::SystemError;
 use super::part::{Part, Variable};
 use crate::fmi::Causality;
 use crate::scenario::connection::Wire;
+use crate::scenario::equal_names::EqualNames;
 use std::collections::BTreeSet;
 
 /// One wire of the system: `to = factor from + offset`.
@@ -47,19 +48,22 @@ pub fn between<'a>(parts: &'a [Part], table: &[Wire]) -> Result<Vec<Connection<'
         all.push(Connection { from, to, factor: line.factor, offset: line.offset });
     }
     let taken: BTreeSet<(&str, &str)> = all.iter().map(|c| (c.to.0.name, c.to.1.name.as_str())).collect();
+    let of = |causality: Causality| {
+        let variables = |part: &'a Part| part.variables.iter().map(move |variable| (part, variable));
+        parts.iter().flat_map(variables).filter(move |(_, variable)| variable.causality == causality)
+    };
+    let outputs = of(Causality::Output);
+    let names = EqualNames::of(outputs.map(|output| (output.0.name, output.1.structured.as_str(), output)));
     let mut equal = Vec::new();
-    for part in parts {
-        let open =
-            |v: &&Variable| v.causality == Causality::Input && !taken.contains(&(part.name, v.name.as_str()));
-        for input in part.variables.iter().filter(open) {
-            let mut others = parts.iter().filter(|other| other.name != part.name);
-            let source = others.find_map(|other| {
-                let output = other.find(&input.structured, Causality::Output)?;
-                (output.kind == input.kind).then_some((other, output))
-            });
-            if let Some(from) = source {
-                equal.push(Connection { from, to: (part, input), factor: 1.0, offset: 0.0 });
-            }
+    for to in of(Causality::Input).filter(|(part, input)| !taken.contains(&(part.name, &*input.name))) {
+        let (part, input) = to;
+        let source = names.source(part.name, &input.structured).map_err(|sources| SystemError::Refused {
+            path: "connections".to_owned(),
+            reason: format!("{}.{} could be fed by each of {sources}", part.name, input.structured),
+        })?;
+        // `bess run` converts types; whoever opens the system need not.
+        if let Some((_, from)) = source.filter(|(_, (_, output))| output.kind == input.kind) {
+            equal.push(Connection { from, to, factor: 1.0, offset: 0.0 });
         }
     }
     all.extend(equal);
