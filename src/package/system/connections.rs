@@ -29,23 +29,24 @@ impl Connection<'_> {
 /// All wires, in the order of table, components and inputs.
 pub fn between<'a>(parts: &'a [Part], table: &[Wire]) -> Result<Vec<Connection<'a>>, SystemError> {
     let mut all: Vec<Connection<'a>> = Vec::new();
-    for line in table {
-        let path = format!("connections, {} to {}", line.from, line.to);
-        let from = endpoint(parts, &path, &line.from, Causality::Output, "output; as grid.P[1]")?;
-        let to = endpoint(parts, &path, &line.to, Causality::Input, "input; as controller.P[1]")?;
+    for wire in table {
+        let path = format!("connections[{}]", wire.line);
+        let from = endpoint(parts, &path, ("from", &wire.from), Causality::Output, "output; as grid.P[1]")?;
+        let to = endpoint(parts, &path, ("to", &wire.to), Causality::Input, "input; as controller.P[1]")?;
         if from.1.kind != to.1.kind {
             return Err(SystemError::Types {
                 path,
-                from: line.from.clone(),
+                from: wire.from.clone(),
                 from_type: from.1.kind.to_string(),
-                to: line.to.clone(),
+                to: wire.to.clone(),
                 to_type: to.1.kind.to_string(),
             });
         }
         if all.iter().any(|c| c.feeds(to.0, to.1)) {
-            return Err(SystemError::Refused { path, reason: format!("{} already has a source", line.to) });
+            let (path, reason) = (path + ".to", format!("{} already has a source", wire.to));
+            return Err(SystemError::Refused { path, reason });
         }
-        all.push(Connection { from, to, factor: line.factor, offset: line.offset });
+        all.push(Connection { from, to, factor: wire.factor, offset: wire.offset });
     }
     let taken: BTreeSet<(&str, &str)> = all.iter().map(|c| (c.to.0.name, c.to.1.name.as_str())).collect();
     let of = |causality: Causality| {
@@ -73,7 +74,7 @@ pub fn between<'a>(parts: &'a [Part], table: &[Wire]) -> Result<Vec<Connection<'
 fn endpoint<'a>(
     parts: &'a [Part],
     path: &str,
-    name: &str,
+    (key, name): (&str, &str),
     causality: Causality,
     expected: &'static str,
 ) -> Result<(&'a Part, &'a Variable), SystemError> {
@@ -81,5 +82,9 @@ fn endpoint<'a>(
         let part = parts.iter().find(|part| part.name == owner)?;
         Some((part, part.find(variable, causality)?))
     });
-    found.ok_or_else(|| SystemError::Unknown { path: path.to_owned(), found: name.to_owned(), expected })
+    found.ok_or_else(|| SystemError::Unknown {
+        path: format!("{path}.{key}"),
+        found: name.to_owned(),
+        expected,
+    })
 }
