@@ -13,6 +13,8 @@ pub const MARK: &str = "@bess-check ";
 const STEPS: i64 = 10;
 /// Where the model suggests no step, ns.
 const STEP_NS: i64 = 10_000_000;
+/// A suggestion is followed up to this, ns: all steps together must fit 64 bits.
+const LONGEST_STEP_NS: f64 = 1e17;
 
 /// What stops the run.
 type Stopped = Box<Finding>;
@@ -51,7 +53,7 @@ fn all(path: &Path) -> Result<(), Stopped> {
         .default_experiment
         .step_s
         .map(|s| (s * 1e9).round())
-        .filter(|ns| *ns >= 1.0 && *ns < 1e18)
+        .filter(|ns| *ns >= 1.0 && *ns <= LONGEST_STEP_NS)
         .map_or(STEP_NS, |ns| ns as i64);
     let can_go_back = description.capabilities.can_get_and_set_state;
     let only_once = description.capabilities.can_be_instantiated_only_once;
