@@ -54,11 +54,11 @@ fn listed(document: &Document<'_>, part: &str, findings: &mut Vec<Finding>) -> B
     };
     for unknown in document.unknowns(part) {
         let Some(index) = unknown.attribute("index").and_then(unsigned) else { continue };
-        let (index, at) = (index as usize, place(unknown));
+        let index = index as usize;
         if index == 0 || index > document.variables.len() || !indices.insert(index) {
             complain(
                 &rules::INDEX,
-                at.clone(),
+                place(unknown),
                 format!("index=\"{index}\" in <{part}>"),
                 "each position in <ModelVariables> at most once, from 1",
                 "write the position of the variable, counted from 1, not its value reference",
@@ -66,7 +66,7 @@ fn listed(document: &Document<'_>, part: &str, findings: &mut Vec<Finding>) -> B
         } else if index < last {
             complain(
                 &rules::UNKNOWN_ORDER,
-                at.clone(),
+                place(unknown),
                 format!("index=\"{index}\" after {last} in <{part}>"),
                 "ascending indices",
                 "sort the entries",
