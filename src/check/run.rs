@@ -30,6 +30,7 @@ impl Runner {
         };
         let broken = |rule| report.findings.iter().any(|finding| std::ptr::eq(finding.rule, rule));
         if broken(&rules::ARCHIVE)
+            || broken(&rules::METHOD)
             || broken(&rules::NO_DESCRIPTION)
             || broken(&rules::MALFORMED)
             || broken(&rules::VERSION)
