@@ -103,6 +103,9 @@ fn model_exchange_is_looked_at_and_not_run() {
         "<CoSimulation modelIdentifier=\"integrator\" canHandleVariableCommunicationStepSize=\"true\"",
         "<ModelExchange modelIdentifier=\"integrator\"",
     );
+    // What the model is called says nothing.
+    let xml = xml.replace("Integrator &amp; co", "for co-simulation");
+    assert!(xml.contains("for co-simulation"));
     let (code, report) = check(&fmu(folder.path(), &xml, &compile(&[])), &[]);
     assert_eq!(code, 1);
     assert!(finding(&report, "not-run").is_some() && finding(&report, "event-indicators").is_some());

@@ -37,7 +37,7 @@ impl Runner {
         {
             return skip("nothing to run", report);
         }
-        if !report.facts.iter().any(|(name, value)| name == "model" && value.contains("co-simulation")) {
+        if !report.co_simulation {
             return skip("no co-simulation", report);
         }
         match self.start(path) {
