@@ -197,6 +197,20 @@ fn a_scenario_extends_another_and_says_where_it_is_wrong() {
 }
 
 #[test]
+fn files_that_a_base_names_are_those_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let base = folder.path().join("base");
+    std::fs::create_dir(&base).unwrap();
+    let text = r#"{"extends": "case1", "name": "a", "grid": {"fmu": "G.fmu"}, "control": {"fmu": "C.fmu"}}"#;
+    std::fs::write(base.join("a.json"), text).unwrap();
+    let own = folder.path().join("b.json");
+    std::fs::write(&own, r#"{"extends": "base/a.json", "control": {"fmu": "Own.fmu"}}"#).unwrap();
+    let resolved = Resolved::load(&own.to_string_lossy(), &Map::new()).unwrap();
+    assert_eq!(resolved.grid_fmu(), Some(base.join("G.fmu")));
+    assert_eq!(resolved.controller_fmu(), Some(folder.path().join("Own.fmu")));
+}
+
+#[test]
 fn scenarios_that_extend_each_other_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, base: &str| {

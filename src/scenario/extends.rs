@@ -43,7 +43,7 @@ fn resolve(source: &Source, document: Value, chain: &mut Vec<String>) -> Result<
     })?;
     let mut below = resolve(&base, text, chain)?;
     if base.folder != source.folder {
-        anchor_case(&mut below, &base.folder);
+        anchor_files(&mut below, &base.folder);
     }
     merge(&mut below, Value::Object(patch));
     Ok(below)
@@ -62,14 +62,17 @@ fn identity(source: &Source) -> String {
     path.canonicalize().map_or_else(|_| source.origin.clone(), |path| path.display().to_string())
 }
 
-/// A relative case file goes on meaning the file beside the base.
-fn anchor_case(document: &mut Value, folder: &Path) {
-    let Some(Value::String(case)) = document.get_mut("grid").and_then(|grid| grid.get_mut("case")) else {
-        return;
-    };
-    if case.ends_with(".json") || case.ends_with(".m") {
-        let file: PathBuf = folder.join(&*case);
-        *case = std::path::absolute(&file).unwrap_or(file).to_string_lossy().into_owned();
+/// A relative case file or FMU goes on meaning the file beside the base.
+fn anchor_files(document: &mut Value, folder: &Path) {
+    for (part, key) in [("grid", "case"), ("grid", "fmu"), ("control", "fmu")] {
+        let Some(Value::String(name)) = document.get_mut(part).and_then(|part| part.get_mut(key)) else {
+            continue;
+        };
+        // A case may also be one that the program knows.
+        if key == "fmu" || name.ends_with(".json") || name.ends_with(".m") {
+            let file: PathBuf = folder.join(&*name);
+            *name = std::path::absolute(&file).unwrap_or(file).to_string_lossy().into_owned();
+        }
     }
 }
 
