@@ -194,6 +194,7 @@ fn a_scenario_extends_another_and_says_where_it_is_wrong() {
     says(of("{\"extends\": \"case1\",\n \"control\": {\"etta\": 1}}"), &["control", "etta", "line 2"]);
     says(of("{\"extends\": \"case1\",\n \"stop_s\": \"long\"}"), &["stop_s", "line 2"]);
     says(of(r#"{"extends": "case7"}"#), &["case7", "no such scenario"]);
+    says(case1_with("extends", json!("case2")), &["extends", "case2", "in a document"]);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
 /// The key that names the base.
-const KEY: &str = "extends";
+pub(super) const KEY: &str = "extends";
 
 /// The document with its bases merged in and without the key `extends`.
 pub(super) fn merged(source: &Source, document: Value) -> Result<Value, ScenarioError> {
