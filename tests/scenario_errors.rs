@@ -204,6 +204,8 @@ fn files_that_a_base_names_are_those_beside_it() {
     std::fs::create_dir(&base).unwrap();
     let text = r#"{"extends": "case1", "name": "a", "grid": {"fmu": "G.fmu"}, "control": {"fmu": "C.fmu"}}"#;
     std::fs::write(base.join("a.json"), text).unwrap();
+    // A built-in name is the built-in scenario, whatever lies beside.
+    std::fs::write(base.join("case1"), "{}").unwrap();
     let own = folder.path().join("b.json");
     std::fs::write(&own, r#"{"extends": "base/a.json", "control": {"fmu": "Own.fmu"}}"#).unwrap();
     let resolved = Resolved::load(&own.to_string_lossy(), &Map::new()).unwrap();

@@ -3,7 +3,7 @@
 
 use super::document::Scenario;
 use super::error::ScenarioError;
-use super::load::{Source, find};
+use super::load::{BUILT_IN, Source, find};
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
@@ -49,11 +49,11 @@ fn resolve(source: &Source, document: Value, chain: &mut Vec<String>) -> Result<
     Ok(below)
 }
 
-/// The base: beside the document that names it, else as [`find`] knows it.
+/// The base: a built-in name first, as everywhere, then beside the document that names it, else as [`find`] knows it.
 fn base_of(source: &Source, name: &str) -> Result<Source, ScenarioError> {
+    let is_built_in = BUILT_IN.iter().any(|(built_in, _)| *built_in == name);
     let beside = source.folder.join(name);
-    let beside = if beside.is_file() { beside.to_string_lossy().into_owned() } else { name.to_owned() };
-    find(&beside)
+    if !is_built_in && beside.is_file() { find(&beside.to_string_lossy()) } else { find(name) }
 }
 
 /// What a document is known by, so that a circle is seen however its files are spelt.
