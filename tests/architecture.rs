@@ -16,7 +16,7 @@ const ROOMS: [(&str, &[&str]); 10] = [
     ("package", &["fmi", "scenario", "models"]),
     ("harness", &["fmi", "models", "scenario", "package"]),
     ("check", &["harness"]),
-    ("report", &["harness", "scenario"]),
+    ("report", &[]),
     ("cli", &["control", "grid", "fmi", "scenario", "models", "package", "harness", "check", "report"]),
 ];
 
