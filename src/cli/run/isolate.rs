@@ -33,7 +33,7 @@ pub fn work(args: &WorkerArgs) -> Result<(), Failure> {
 pub fn isolation(call_limit_ns: i64) -> Result<Isolation, Failure> {
     let program = std::env::current_exe().into_diagnostic()?;
     Ok(Isolation {
-        command: (program, vec![WORKER.to_owned()]),
+        command: (program, vec![WORKER.to_owned(), "--".to_owned()]),
         call_limit: Duration::from_nanos(call_limit_ns.unsigned_abs()),
         output: Some(Arc::new(|name: &str, line: &str| eprintln!("{name}: {line}"))),
     })
