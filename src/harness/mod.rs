@@ -3,6 +3,8 @@
 //! never lets C reach past [`library`], [`logger`] and [`slave`].
 
 pub mod archive;
+mod binary;
+pub mod checkpoint;
 mod closed_loop;
 pub mod coupling;
 mod csv;
@@ -10,7 +12,11 @@ pub mod description;
 mod description_xml;
 pub mod error;
 pub mod fmu;
+mod guarded;
+mod hash;
 pub mod in_process;
+pub mod isolation;
+pub mod keeping;
 pub mod library;
 pub mod logger;
 mod lookup;
@@ -29,17 +35,20 @@ pub mod value;
 mod wiring;
 
 pub use archive::{Limits, Unpacked};
+pub use checkpoint::{Checkpoint, CheckpointError};
 pub use coupling::{Connection, Endpoint, connect, connect_equal_names};
 pub use description::{Causality, ModelDescription, Variability, Variable};
 pub use error::HarnessError;
 pub use fmu::Fmu;
 pub use in_process::InProcess;
-pub use master::{Outcome, run};
+pub use isolation::Isolation;
+pub use keeping::Keeping;
+pub use master::{Outcome, Position, run, run_from};
 pub use memory::Memory;
 pub use observer::{Column, Experiment, FanOut, Observer, ObserverError, Progress, Sample, Silent};
-pub use participant::{CallError, Participant, StateHandle};
+pub use participant::{CallError, Participant, StateHandle, Trouble};
 pub use plan::{Algorithm, Event, Plan, Setting};
 pub use recorder::Recorder;
-pub use scenario::{CONTROLLER, Cast, GRID, Origin, plan as scenario_plan, stage};
+pub use scenario::{CONTROLLER, Cast, GRID, Origin, plan as scenario_plan, stage, stage_isolated};
 pub use slave::Slave;
 pub use value::{Kind, Value};
