@@ -91,7 +91,7 @@ fn a_crash_and_a_hang_end_the_run_with_what_there_is() {
     let folder = tempfile::tempdir().unwrap();
     // Step 150 begins at 3 s.
     for (fault, how, said) in [
-        (7, "died", "its process died (signal 11, a memory fault)"),
+        (20, "died", "its process died (signal 11, a memory fault)"),
         (1, "died", "its process died (signal 6, an abort)"),
         (2, "hung", "no answer within 1.5s"),
     ] {

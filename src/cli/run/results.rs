@@ -93,9 +93,12 @@ impl Results {
             if let Some(phase) = first(&own) {
                 rows.push(comparison::row("as given", resolved, resolved, main, &agents, &phase)?);
             }
-            for (c, v) in compared.iter().zip(&variants) {
+            for (k, (c, v)) in compared.iter().zip(&variants).enumerate() {
                 if let Some(phase) = first(&v.phases) {
-                    rows.push(comparison::row(&c.label, resolved, &c.resolved, &c.record, &agents, &phase)?);
+                    let mut row =
+                        comparison::row(&c.label, resolved, &c.resolved, &c.record, &agents, &phase)?;
+                    row.run = k + 1;
+                    rows.push(row);
                 }
             }
             rows
