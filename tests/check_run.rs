@@ -79,7 +79,7 @@ fn a_sound_one_runs_to_the_end_and_its_description_is_right() {
 fn one_that_never_returns_is_left_after_the_time_given() {
     let folder = tempfile::tempdir().unwrap();
     // It sleeps, it prints without end, it closes its output and sleeps.
-    for fault in [2, 20, 21] {
+    for fault in [2, 7, 8] {
         let file = fmu(folder.path(), &whole_xml(), &compile(&[&format!("-DFAULT={fault}")]));
         let begin = Instant::now();
         let (code, report) = check(&file, &["--patience", "2"]);

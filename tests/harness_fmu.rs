@@ -245,7 +245,10 @@ fn an_fmu_for_one_instance_gets_one_at_a_time() {
 fn libraries_that_are_missing_incomplete_or_foreign_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let error = refused(folder.path(), &integrator_xml(), b"no ELF");
-    assert!(error.contains("integrator.so: is no library at all; expected an ELF library for x86-64"), "{error}");
+    assert!(
+        error.contains("integrator.so: is no library at all; expected an ELF library for x86-64"),
+        "{error}"
+    );
     let error = refused(folder.path(), &integrator_xml(), &compile(&["-DWITHOUT_STATE"]));
     assert!(error.contains("misses fmi2GetFMUstate, fmi2SetFMUstate; expected all 34"), "{error}");
     let error = refused(folder.path(), &integrator_xml(), &compile(&["-DVERSION=\"1.0\""]));
@@ -296,7 +299,10 @@ fn libraries_of_other_machines_and_halves_of_libraries_are_never_loaded() {
     ];
     for (library, found) in table {
         let error = refused(folder.path(), &integrator_xml(), &library);
-        assert!(error.contains(found) && error.contains("; expected an ELF library for x86-64"), "{found}: {error}");
+        assert!(
+            error.contains(found) && error.contains("; expected an ELF library for x86-64"),
+            "{found}: {error}"
+        );
     }
 }
 

@@ -84,7 +84,8 @@ fn bombs_are_refused_by_number_and_by_size() {
 fn handmade(names: impl ExactSizeIterator<Item = String>, claimed: u32) -> Vec<u8> {
     let name = "resources/x";
     let mut bytes = b"PK\x03\x04".to_vec();
-    let fields = |bytes: &mut Vec<u8>, shorts: &[u16]| shorts.iter().for_each(|n| bytes.extend(n.to_le_bytes()));
+    let fields =
+        |bytes: &mut Vec<u8>, shorts: &[u16]| shorts.iter().for_each(|n| bytes.extend(n.to_le_bytes()));
     let data = b"hello";
     let crc = 0x3610_a686_u32;
     let sizes = |bytes: &mut Vec<u8>| {
@@ -134,7 +135,8 @@ fn a_million_entries_are_counted_and_not_read() {
 fn entries_over_the_same_bytes_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("over.fmu");
-    std::fs::write(&path, handmade(["resources/x", "resources/y"].map(str::to_owned).into_iter(), 5)).unwrap();
+    std::fs::write(&path, handmade(["resources/x", "resources/y"].map(str::to_owned).into_iter(), 5))
+        .unwrap();
     let error = refused(&path, Limits::default());
     assert!(error.contains("laid over another one"), "{error}");
 }
@@ -269,7 +271,8 @@ fn doctypes_and_entities_are_refused() {
 
 #[test]
 fn entity_bombs_and_external_entities_are_not_even_looked_at() {
-    let laughs: String = (1..10).map(|k| format!("<!ENTITY l{k} \"{}\">", format!("&l{};", k - 1).repeat(10))).collect();
+    let laughs: String =
+        (1..10).map(|k| format!("<!ENTITY l{k} \"{}\">", format!("&l{};", k - 1).repeat(10))).collect();
     let bomb = format!(
         "<?xml version=\"1.0\"?>\n<!DOCTYPE l [<!ENTITY l0 \"ha\">{laughs}]>\n<fmiModelDescription modelName=\"&l9;\"/>"
     );
@@ -281,7 +284,8 @@ fn entity_bombs_and_external_entities_are_not_even_looked_at() {
          </fmiModelDescription>",
         secret.display()
     );
-    let outside = "<?xml version=\"1.0\"?>\n<!DOCTYPE x SYSTEM \"http://127.0.0.1:9/x.dtd\">\n<fmiModelDescription/>";
+    let outside =
+        "<?xml version=\"1.0\"?>\n<!DOCTYPE x SYSTEM \"http://127.0.0.1:9/x.dtd\">\n<fmiModelDescription/>";
     for xml in [&bomb, &external, outside] {
         let error = read(xml).unwrap_err();
         assert!(error.contains("line 2: found a DOCTYPE; expected none"), "{error}");
@@ -297,7 +301,8 @@ fn tags_and_depths_that_no_fmu_has_are_refused() {
     let error = read(long(1 << 20)).unwrap_err();
     assert!(error.contains("line 2: found a tag of ") && error.contains("at most 1048576 bytes"), "{error}");
     let deep = |n: usize| {
-        let inside = format!("<VendorAnnotations>{}{}</VendorAnnotations></fmi", "<a>".repeat(n), "</a>".repeat(n));
+        let inside =
+            format!("<VendorAnnotations>{}{}</VendorAnnotations></fmi", "<a>".repeat(n), "</a>".repeat(n));
         good.replacen("</fmi", &inside, 1)
     };
     assert!(read(deep(60)).is_ok());

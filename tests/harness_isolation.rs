@@ -46,8 +46,8 @@ fn every_fault_is_an_error_that_names_the_call_and_what_happened() {
     // Fault, function, what the error says, whether the process is still there.
     let faults = [
         (1, "fmi2DoStep", "its process died (signal 6, an abort)", Trouble::Died),
-        (7, "fmi2DoStep", "its process died (signal 11, a memory fault)", Trouble::Died),
-        (8, "fmi2DoStep", "its process died (exit status: 0)", Trouble::Died),
+        (20, "fmi2DoStep", "its process died (signal 11, a memory fault)", Trouble::Died),
+        (21, "fmi2DoStep", "its process died (exit status: 0)", Trouble::Died),
         (11, "fmi2GetReal", "wrote outside the room for 1 values: 0 before it and 1 after", Trouble::Refused),
         (12, "fmi2GetReal", "wrote outside the room for 1 values: 1 before it and 0 after", Trouble::Refused),
         (13, "fmi2GetReal", "its process died (signal 11, a memory fault)", Trouble::Died),

@@ -7,9 +7,9 @@ use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Component, Path, PathBuf};
 use tempfile::TempDir;
+use zip::ZipArchive;
 use zip::read::Config;
 use zip::unstable::read::ZipIterable;
-use zip::ZipArchive;
 
 /// What an archive may hold at most.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

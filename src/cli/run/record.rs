@@ -45,7 +45,7 @@ pub struct How<'a> {
 
 /// Samples for the report and the trajectory, with checkpoints or without.
 enum Kept {
-    Plain(Memory, Option<Recorder>),
+    Plain(Memory, Option<Box<Recorder>>),
     Resumable(Box<Keeping>),
 }
 
@@ -60,7 +60,7 @@ impl Kept {
     fn observers(&mut self) -> Vec<&mut dyn Observer> {
         match self {
             Kept::Plain(memory, None) => vec![memory],
-            Kept::Plain(memory, Some(recorder)) => vec![memory, recorder],
+            Kept::Plain(memory, Some(recorder)) => vec![memory, recorder.as_mut()],
             Kept::Resumable(keeping) => vec![keeping.as_mut()],
         }
     }
@@ -87,7 +87,7 @@ pub fn record(resolved: &Resolved, cast: &Cast, how: &How<'_>) -> Result<Record,
             };
             (Kept::Resumable(Box::new(keeping)), found)
         }
-        folder => (Kept::Plain(memory, folder.map(|folder| Recorder::new(folder, every))), None),
+        folder => (Kept::Plain(memory, folder.map(|folder| Box::new(Recorder::new(folder, every)))), None),
     };
     let bar = bar(how.quiet);
     let mut progress = Progress::new(Duration::from_millis(50), |t_s, share| {
