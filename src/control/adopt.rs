@@ -176,7 +176,7 @@ impl Controller {
     pub(super) fn tune(&mut self) {
         let tuning = self.tuning();
         self.network.set_delay(nanoseconds(tuning.delay), &self.fixed.channel);
-        let horizon_ns = self.network.longest_delay_ns() + self.fixed.channel.horizon_ns();
+        let horizon_ns = self.network.longest_delay_ns().saturating_add(self.fixed.channel.horizon_ns());
         self.state.history.reach(horizon_ns);
         if self.state.parameters.voltage_policy == VoltagePolicy::Average {
             self.state.history.keep_transfers(self.network.graph.edges().len());

@@ -145,6 +145,8 @@ impl History {
             && (self.oldest < slots || (slots == 0 && self.oldest == 0))
             && self.spacing_ns >= 0
             && self.values.iter().all(|x| x.is_finite())
+            && (1..self.len).all(|k| self.time(k - 1) < self.time(k))
+            && self.len.checked_sub(1).is_none_or(|last| self.time(last).checked_sub(self.time(0)).is_some())
     }
 
     /// Whether samples are kept at all.
@@ -210,8 +212,8 @@ impl History {
         }
         let newest = self.time(high);
         if t_ns >= newest {
-            let span = (now_ns - newest) as f64;
-            let (fraction, per_s) = ((t_ns - newest) as f64 / span, 1e9 / span);
+            let span = now_ns.saturating_sub(newest) as f64;
+            let (fraction, per_s) = (t_ns.saturating_sub(newest) as f64 / span, 1e9 / span);
             return Bracket { before: self.slot(high) as u32, after: PRESENT, fraction, per_s };
         }
         while high - low > 1 {
@@ -277,7 +279,7 @@ impl Channel {
     /// How far back a value may have to be looked up beyond the delay, ns. After a long loss it is the
     /// oldest sample kept, at least one second old.
     pub fn horizon_ns(&self) -> i64 {
-        nanoseconds(self.jitter_s) + if self.loss > 0.0 { 1_000_000_000 } else { 0 }
+        nanoseconds(self.jitter_s).saturating_add(if self.loss > 0.0 { 1_000_000_000 } else { 0 })
     }
 
     /// Time of the newest value that `to` has of `from` at sample number `sample`, when a punctual
@@ -290,7 +292,7 @@ impl Channel {
             return last_ns;
         }
         let late = unit(mix(draw)) * self.jitter_s;
-        last_ns.max(punctual_ns - nanoseconds(late))
+        last_ns.max(punctual_ns.saturating_sub(nanoseconds(late)))
     }
 }
 

@@ -78,7 +78,7 @@ impl Controller {
         }
         if !scratch.filtered.is_empty() {
             let filter = self.fixed.filter;
-            let elapsed_s = seconds((now_ns - state.clock.sampled_ns).max(0));
+            let elapsed_s = seconds(now_ns.saturating_sub(state.clock.sampled_ns).max(0));
             for (k, (quantity, constant_s)) in [
                 (Quantity::Omega, filter.omega_s),
                 (Quantity::P, filter.P_s),
@@ -126,7 +126,7 @@ impl Controller {
         if scratch.shares.is_empty() {
             return;
         }
-        let elapsed_s = seconds((now_ns - state.clock.sampled_ns).max(0));
+        let elapsed_s = seconds(now_ns.saturating_sub(state.clock.sampled_ns).max(0));
         let first = state.clock.samples == 0;
         let new = |T_s: f64| if first || T_s == 0.0 { 1.0 } else { -(-elapsed_s / T_s).exp_m1() };
         let followed = new(followed_s);

@@ -141,7 +141,7 @@ impl Network {
         next_ns: &mut [i64],
     ) {
         for e in 0..self.known.len() {
-            let punctual = now_ns - self.delays_ns[e];
+            let punctual = now_ns.saturating_sub(self.delays_ns[e]);
             let mut times = [punctual; 2];
             if channel.is_lossy() {
                 let edge = self.graph.edges()[e];

@@ -217,7 +217,7 @@ impl<M: Model> Instance<M> {
         }
         let expected = match group.access {
             Access::Boolean(..) => "a finite value".to_owned(),
-            _ => group.range.to_string(),
+            _ => group.range.instead_of(found),
         };
         Err(Error::Value { function, name: self.name_of(&[reference]), found, expected })
     }

@@ -128,6 +128,7 @@ impl GridModel {
     /// With the tie open the angles are counted from that of the first BESS's source.
     pub fn initialise(&mut self) -> Result<(), GridError> {
         let start = self.find_steady_state()?;
+        let before = self.state.clone();
         self.state.delta.copy_from_slice(&start.delta);
         self.state.delta.iter_mut().for_each(|delta| *delta = wrap(*delta));
         self.state.P.copy_from_slice(&start.P);
@@ -135,7 +136,10 @@ impl GridModel {
         self.state.E.copy_from_slice(&self.state.parameters.E_start);
         self.state.internal_step_s = FIRST_STEP_S;
         self.state.initialised = true;
-        self.refresh()
+        self.refresh().inspect_err(|_| {
+            self.state = before;
+            self.in_line = false;
+        })
     }
 
     /// The synchronous steady state of the present inputs; changes nothing that can be read.

@@ -5,7 +5,7 @@ use crate::{
     bindings,
     debian::{Need, provide},
     error::Failure,
-    fmu, platforms,
+    fmu, fuzz, platforms,
     process::{cargo, command, run as start},
     python, scenario,
     table::{Outcome, Row, render},
@@ -51,6 +51,10 @@ pub enum Stage {
     Platforms,
     /// `bess` as a wheel in an empty environment, its FMU in FMPy
     Wheel,
+    /// A million random calls on the C interface under AddressSanitizer
+    Fuzz,
+    /// Half a million steps and a thousand lives of each FMU: memory flat, bits equal
+    Soak,
 }
 
 impl Stage {
@@ -70,6 +74,8 @@ impl Stage {
             Stage::Browser => "browser",
             Stage::Platforms => "platforms",
             Stage::Wheel => "wheel",
+            Stage::Fuzz => "fuzz",
+            Stage::Soak => "soak",
         }
     }
 
@@ -84,7 +90,8 @@ impl Stage {
             Stage::Browser => &[Need::Python, Need::Chromium],
             Stage::Platforms => &[Need::Python, Need::CrossRust, Need::Mingw, Need::Wine, Need::QemuAarch64],
             Stage::Wheel => &[Need::Python, Need::CrossRust, Need::Mingw],
-            Stage::Rust | Stage::Doc | Stage::Fmu | Stage::Run => &[],
+            Stage::Fuzz => &[Need::Asan],
+            Stage::Rust | Stage::Doc | Stage::Fmu | Stage::Run | Stage::Soak => &[],
         }
     }
 
@@ -127,6 +134,8 @@ impl Stage {
             }),
             Stage::Platforms => platforms::test(workspace, pytest),
             Stage::Wheel => platforms::test_wheel(workspace, pytest),
+            Stage::Fuzz => fuzz::seeded(workspace, fuzz::STAGE_CALLS, 1),
+            Stage::Soak => fuzz::soak(workspace, fuzz::STAGE_SOAK),
         }
     }
 }
