@@ -66,7 +66,17 @@ impl<'a> Choices<'a> {
     pub fn weighted(&mut self, weights: &[u32]) -> usize {
         let sum: u32 = weights.iter().sum();
         let mut left = self.below(sum as usize) as u32;
-        weights.iter().position(|&w| if left < w { true } else { left -= w; false }).unwrap_or(0)
+        weights
+            .iter()
+            .position(|&w| {
+                if left < w {
+                    true
+                } else {
+                    left -= w;
+                    false
+                }
+            })
+            .unwrap_or(0)
     }
 
     /// Not a number, or infinite.

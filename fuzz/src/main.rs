@@ -1,12 +1,12 @@
 //! `bess-fuzz`: the seeded run, a single sequence of it with every call told, and the long runs.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a finding is a panic")]
 
+use bess_fuzz::fmus;
 use bess_fuzz::seeded::{self, Run};
 use bess_fuzz::soak::{Load, soak};
 use bess_fuzz::stranger::Stranger;
 use bess_fuzz::subject::Subject;
 use bess_fuzz::world::World;
-use bess_fuzz::fmus;
 use clap::{Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -76,11 +76,15 @@ pub fn soak(subject: &Subject, load: Load) -> Result<Outcome, String> {
             base = resident();
         }
         // The small ones nine times in ten.
-        let which = if k % 10 == 9 { (k / 10) as usize % exports.len() } else { k as usize % exports.len().min(2) };
+        let which =
+            if k % 10 == 9 { (k / 10) as usize % exports.len() } else { k as usize % exports.len().min(2) };
         let lives = if k % 2 == 0 { 1 } else { 2 };
         let digest = run(subject, exports[which], RUN / lives, lives);
         if digest != first[which][lives as usize - 1] {
-            return Err(format!("{}: run {k} of export {which} gives other bits than the first", subject.name));
+            return Err(format!(
+                "{}: run {k} of export {which} gives other bits than the first",
+                subject.name
+            ));
         }
     }
     let step_growth = growth("steps", base)?;
@@ -150,7 +154,9 @@ fn crowd(subject: &Subject, export: &Export, (instances, threads): (usize, usize
     }
     match crowd.iter().position(|fmu| fmu.digest != alone) {
         None => Ok(()),
-        Some(_) => Err(format!("{}: an instance among {instances} gives other bits than alone", subject.name)),
+        Some(_) => {
+            Err(format!("{}: an instance among {instances} gives other bits than alone", subject.name))
+        }
     }
 }
 
@@ -183,7 +189,8 @@ impl<'a> Fmu<'a> {
         let numbered = || (1..).zip(&export.variables);
         let inputs: Vec<(u32, f64)> =
             numbered().filter(|(_, v)| v.is_ramped()).map(|(reference, v)| (reference, v.start)).collect();
-        let real_output = |v: &crate::subject::Variable| v.causality == Causality::Output && v.number == Number::Real;
+        let real_output =
+            |v: &crate::subject::Variable| v.causality == Causality::Output && v.number == Number::Real;
         let outputs: Vec<u32> = numbered().filter(|(_, v)| real_output(v)).map(|(r, _)| r).collect();
         let enable = numbered().find(|(_, v)| v.name == "enable").map(|(reference, v)| (reference, v.kind));
         Self {
@@ -214,7 +221,14 @@ impl<'a> Fmu<'a> {
                 Some((vr, _)) => assert_eq!((f.set_real)(self.c, &raw const vr, 1, &1.0), fmi2Status_fmi2OK),
                 None => {}
             }
-            assert_eq!((f.exit_initialization_mode)(self.c), fmi2Status_fmi2OK);
+            let status = (f.exit_initialization_mode)(self.c);
+            assert_eq!(
+                status,
+                fmi2Status_fmi2OK,
+                "{} finds no start with {} inputs",
+                self.subject.name,
+                self.inputs.len()
+            );
         }
     }
 
@@ -244,7 +258,7 @@ impl<'a> Fmu<'a> {
         let (vr, n, value) = (self.references.as_ptr(), self.values.len(), self.values.as_ptr());
         // SAFETY: a living component, arrays of n elements.
         let status = unsafe { (self.subject.functions.set_real)(self.c, vr, n, value) };
-        assert_eq!(status, fmi2Status_fmi2OK);
+        assert_eq!(status, fmi2Status_fmi2OK, "inputs of {}", self.subject.name);
     }
 
     fn read(&mut self) {

@@ -21,8 +21,15 @@ impl<'a> Stranger<'a> {
         // SAFETY: C strings, no callbacks, and a place for the state.
         let c = unsafe {
             let location = export.location.as_ptr();
-            let c =
-                (subject.functions.instantiate)(c"stranger".as_ptr(), 1, guid.as_ptr(), location, null(), 0, 0);
+            let c = (subject.functions.instantiate)(
+                c"stranger".as_ptr(),
+                1,
+                guid.as_ptr(),
+                location,
+                null(),
+                0,
+                0,
+            );
             assert!(!c.is_null());
             assert_eq!((subject.functions.get_fmu_state)(c, &raw mut state), fmi2Status_fmi2OK);
             c

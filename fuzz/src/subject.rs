@@ -55,8 +55,11 @@ impl Variable {
     /// Whether a value may be set, the standard's and the model description's conditions.
     pub fn takes(&self, value: f64) -> bool {
         let inside = |value: f64| {
-            let above =
-                if self.range.min_excluded { value >= self.range.min + 1e-30 } else { value >= self.range.min };
+            let above = if self.range.min_excluded {
+                value >= self.range.min + 1e-30
+            } else {
+                value >= self.range.min
+            };
             above && value <= self.range.max && value.abs() <= 1e30
         };
         value.is_finite()
@@ -66,7 +69,9 @@ impl Variable {
                     let whole = value.round();
                     inside(whole) && whole >= f64::from(i32::MIN) && whole <= f64::from(i32::MAX)
                 }
-                Number::Boolean => true,
+                // The portable interface shows truth as a Real.
+                Number::Boolean if self.kind == Type::Boolean => inside(if value == 0.0 { 0.0 } else { 1.0 }),
+                Number::Boolean => inside(if value >= 0.5 { 1.0 } else { 0.0 }),
             }
     }
 }

@@ -47,7 +47,8 @@ impl fmt::Display for Tally {
         for &function in Function::ALL {
             let of = |status| self.of(function, status);
             let [ok, discard, error, fatal] =
-                [fmi2Status_fmi2OK, fmi2Status_fmi2Discard, fmi2Status_fmi2Error, fmi2Status_fmi2Fatal].map(of);
+                [fmi2Status_fmi2OK, fmi2Status_fmi2Discard, fmi2Status_fmi2Error, fmi2Status_fmi2Fatal]
+                    .map(of);
             writeln!(f, "{:<30}{ok:>12}{discard:>12}{error:>12}{fatal:>8}", function.name())?;
         }
         write!(f, "{:<30}{:>12}", "all", self.calls())

@@ -1,8 +1,8 @@
 //! What must come of a call, and whether it did: status, the one log line and its words.
 
 use crate::log::Line;
-use bess_consensus::fmi::bindings::*;
 use bess_consensus::fmi::Function;
+use bess_consensus::fmi::bindings::*;
 
 /// What must come of a call.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,6 +78,8 @@ impl Verdict {
             && body.is_some_and(|body| !body.is_empty())
             && !line.text.contains(['\n', '\r'])
             && missing.is_empty();
-        (!sound).then(|| format!("{function}: status {status}, {line:?}; expected {category}, {head:?} and {missing:?}"))
+        (!sound).then(|| {
+            format!("{function}: status {status}, {line:?}; expected {category}, {head:?} and {missing:?}")
+        })
     }
 }

@@ -5,8 +5,8 @@
 #[path = "../../tests/fmi_mock/mod.rs"]
 mod fmi_mock;
 
-use bess_consensus::fmi::bindings::{fmi2Status_fmi2Error, fmi2Status_fmi2Fatal, fmi2Status_fmi2OK};
 use bess_consensus::fmi::Function;
+use bess_consensus::fmi::bindings::{fmi2Status_fmi2Error, fmi2Status_fmi2Fatal, fmi2Status_fmi2OK};
 use bess_fuzz::seeded::bytes;
 use bess_fuzz::subject::{Subject, Traits};
 use bess_fuzz::tally::Tally;
@@ -31,7 +31,10 @@ fn random_calls_meet_what_must_come_of_them() {
         return;
     }
     for &function in Function::ALL {
-        assert!(total.of(function, fmi2Status_fmi2OK) + total.of(function, fmi2Status_fmi2Error) > 0, "{function}");
+        assert!(
+            total.of(function, fmi2Status_fmi2OK) + total.of(function, fmi2Status_fmi2Error) > 0,
+            "{function}"
+        );
     }
     assert!(total.of(Function::DoStep, fmi2Status_fmi2OK) > 10_000);
     assert!(total.of(Function::DoStep, fmi2Status_fmi2Fatal) > 0, "the mock was never told to panic");

@@ -17,9 +17,12 @@ fn random_calls_on_both_fmus_meet_what_must_come_of_them() {
             .unwrap_or_else(|finding| panic!("sequence {}: {}", finding.sequence, finding.text));
         // Every function that can be accepted and refused was both, often.
         for &function in Function::ALL {
-            let [ok, discard, error] =
-                [fmi2Status_fmi2OK, fmi2Status_fmi2Discard, fmi2Status_fmi2Error].map(|s| tally.of(function, s));
-            assert!(ok + discard + error > CALLS / 2000, "{function} was called {ok}+{discard}+{error} times\n{tally}");
+            let [ok, discard, error] = [fmi2Status_fmi2OK, fmi2Status_fmi2Discard, fmi2Status_fmi2Error]
+                .map(|s| tally.of(function, s));
+            assert!(
+                ok + discard + error > CALLS / 2000,
+                "{function} was called {ok}+{discard}+{error} times\n{tally}"
+            );
         }
         assert!(tally.of(Function::DoStep, fmi2Status_fmi2OK) > CALLS / 50, "\n{tally}");
         assert!(tally.of(Function::SetFmuState, fmi2Status_fmi2OK) > CALLS / 500, "\n{tally}");

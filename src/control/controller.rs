@@ -279,7 +279,7 @@ impl Controller {
             *self = before;
             return Err(error);
         }
-        self.tune();
+        self.tune_to_state();
         Ok(())
     }
 

@@ -77,6 +77,8 @@ impl Range {
     pub const ANY: Range = Range { min: f64::NEG_INFINITY, min_excluded: false, max: f64::INFINITY };
     /// Greater than zero.
     pub const POSITIVE: Range = Range { min: 0.0, min_excluded: true, max: f64::INFINITY };
+    /// Of a Boolean: false only, because the model has nothing to switch on.
+    pub const FALSE: Range = Range { min: 0.0, min_excluded: false, max: 0.0 };
     /// Zero or greater.
     pub const NOT_NEGATIVE: Range = Range { min: 0.0, min_excluded: false, max: f64::INFINITY };
 
@@ -88,7 +90,8 @@ impl Range {
     /// excluded, so is what cannot be divided by, below 1 / [`Self::LARGEST`].
     #[inline]
     pub fn contains(&self, value: f64) -> bool {
-        let above = if self.min_excluded { value - self.min >= 1.0 / Self::LARGEST } else { value >= self.min };
+        let above =
+            if self.min_excluded { value - self.min >= 1.0 / Self::LARGEST } else { value >= self.min };
         above && value <= self.max && value.abs() <= Self::LARGEST
     }
 }

@@ -95,6 +95,11 @@ impl GridModel {
         self.plant.n_bus()
     }
 
+    /// Whether there is a tie to the main grid.
+    pub fn has_tie(&self) -> bool {
+        self.plant.tie.is_some()
+    }
+
     /// Positions of the BESS buses, counted from 1.
     pub fn bess_positions(&self) -> impl Iterator<Item = usize> + '_ {
         self.plant.bess_bus.iter().map(|b| b + 1)

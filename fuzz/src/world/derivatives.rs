@@ -2,7 +2,7 @@
 
 use super::World;
 use super::pointers::Fault;
-use super::values::unknown_or_wrong;
+use super::values::{refused, unknown_or_wrong};
 use crate::subject::{Export, Variable};
 use crate::verdict::Verdict;
 use bess_consensus::fmi::{Function, Type};
@@ -15,9 +15,10 @@ fn not_differentiable(export: &Export, references: &[u32], fits: fn(&Variable) -
 
 /// The refusal of the first rate that is no number.
 fn not_finite(export: &Export, references: &[u32], rates: &[f64]) -> Option<Verdict> {
-    let (reference, rate) = references.iter().zip(rates).find(|(_, rate)| !rate.is_finite())?;
+    let (reference, rate) =
+        references.iter().zip(rates).find(|(_, rate)| rate.is_nan() || rate.abs() > 1e30)?;
     let name = &export.variable(*reference)?.name;
-    Some(Verdict::refuse([name, &format!("= {rate} is refused"), "expected"]))
+    Some(Verdict::refuse([name, &refused(*rate), "expected"]))
 }
 
 fn wrong_order(export: &Export, references: &[u32], orders: &[i32]) -> Option<Verdict> {

@@ -83,7 +83,8 @@ impl World<'_> {
                 "fmuResourceLocation"
             }
             5 => {
-                location = self.choices.of(&[c"", c"file:", c"https://host/x", c"file:///no/such/folder"]).as_ptr();
+                location =
+                    self.choices.of(&[c"", c"file:", c"https://host/x", c"file:///no/such/folder"]).as_ptr();
                 "fmuResourceLocation"
             }
             6 => {

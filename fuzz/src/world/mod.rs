@@ -24,7 +24,7 @@ const SLOTS: usize = 4;
 
 /// How often which function is called, and `Start`, which enters and leaves initialization mode.
 const WEIGHTS: &[(Option<Function>, u32)] = &[
-    (None, 6),
+    (None, 24),
     (Some(Function::GetTypesPlatform), 1),
     (Some(Function::GetVersion), 1),
     (Some(Function::SetDebugLogging), 1),
@@ -34,7 +34,7 @@ const WEIGHTS: &[(Option<Function>, u32)] = &[
     (Some(Function::EnterInitializationMode), 2),
     (Some(Function::ExitInitializationMode), 2),
     (Some(Function::Terminate), 1),
-    (Some(Function::Reset), 2),
+    (Some(Function::Reset), 1),
     (Some(Function::GetReal), 14),
     (Some(Function::GetInteger), 4),
     (Some(Function::GetBoolean), 4),
@@ -52,7 +52,7 @@ const WEIGHTS: &[(Option<Function>, u32)] = &[
     (Some(Function::GetDirectionalDerivative), 5),
     (Some(Function::SetRealInputDerivatives), 4),
     (Some(Function::GetRealOutputDerivatives), 4),
-    (Some(Function::DoStep), 18),
+    (Some(Function::DoStep), 24),
     (Some(Function::CancelStep), 1),
     (Some(Function::GetStatus), 1),
     (Some(Function::GetRealStatus), 1),
@@ -128,18 +128,42 @@ impl<'a> World<'a> {
         world.instantiate_well(0, exports[0]);
         let weights: Vec<u32> = WEIGHTS.iter().map(|(_, weight)| *weight).collect();
         while !world.choices.is_over() {
+            if world.live.iter().all(|live| live.is_none()) && !world.choices.once_in(8) {
+                let which = world.choices.below(2);
+                world.instantiate_well(0, exports[which]);
+            }
             let which = world.choices.weighted(&weights);
-            let k = world.choices.weighted(&[8, 3, 1]);
+            let k = world.instance();
             world.call(WEIGHTS[which].0, k);
         }
         world.finish()
     }
 
+    /// Mostly one that lives.
+    fn instance(&mut self) -> usize {
+        let k = self.choices.weighted(&[8, 3, 1]);
+        if self.live[k].is_some() || self.choices.once_in(16) {
+            return k;
+        }
+        self.live.iter().position(|live| live.is_some()).unwrap_or(k)
+    }
+
+    /// To where the steps are, by a way that is open.
+    fn start(&mut self, k: usize) {
+        match self.live[k].as_ref().and_then(|live| live.state) {
+            Some(State::Instantiated) => {
+                self.enter(k);
+                self.exit(k);
+            }
+            Some(State::Initialization) => self.exit(k),
+            Some(State::Step) => self.do_step(k),
+            Some(State::Terminated) | None => self.reset(k),
+            Some(State::Fatal) => self.instantiate_well(k, self.exports[0]),
+        }
+    }
+
     fn call(&mut self, function: Option<Function>, k: usize) {
-        let Some(function) = function else {
-            self.enter(k);
-            return self.exit(k);
-        };
+        let Some(function) = function else { return self.start(k) };
         match function {
             Function::GetTypesPlatform | Function::GetVersion => self.inquire(),
             Function::SetDebugLogging => self.set_debug_logging(k),
@@ -208,9 +232,7 @@ impl<'a> World<'a> {
             None => Verdict::Any,
             Some(state) if function.is_allowed(state) => verdict,
             Some(State::Fatal) => Verdict::Fatal,
-            Some(state) => {
-                Verdict::refuse([&format!("not allowed in state \"{state}\""), "expected one of"])
-            }
+            Some(state) => Verdict::refuse([&format!("not allowed in state \"{state}\""), "expected one of"]),
         };
         let fatal = live.state == Some(State::Fatal);
         if verdict.may_refuse() && !fatal && live.known.is_none() {
@@ -246,7 +268,11 @@ impl<'a> World<'a> {
         }
         if let Some(before) = live.known.take() {
             let after = self.bytes(k);
-            assert!(before == after, "{}: {function} was refused ({lines:?}) and changed the state", self.subject.name);
+            assert!(
+                before == after,
+                "{}: {function} was refused ({lines:?}) and changed the state",
+                self.subject.name
+            );
             if let Some(live) = &mut self.live[k] {
                 live.known = Some(after);
             }

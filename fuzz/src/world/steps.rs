@@ -51,7 +51,9 @@ impl World<'_> {
             Verdict::refuse(["communicationStepSize", &format!("{step_s:?}"), "expected"])
         } else if !point_s.is_finite() {
             Verdict::refuse(["currentCommunicationPoint", &format!("{point_s:?}"), "expected"])
-        } else if (point_s - now_s).abs() > 1.0 {
+        } else if step_s > 9.21e9 {
+            Verdict::refuse(["communicationStepSize", "expected"])
+        } else if (point_s - now_s).abs() > 1.0 + 2e-4 * step_s {
             Verdict::refuse(["currentCommunicationPoint", &format!("{point_s:?}"), &stands, "expected"])
         } else if point_s + step_s > 9.21e9 {
             Verdict::refuse(["communicationStepSize", "expected"])

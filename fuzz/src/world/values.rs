@@ -32,7 +32,8 @@ impl World<'_> {
     /// Value references, mostly of variables that `fits` likes.
     pub(super) fn references(&mut self, export: &Export, fits: impl Fn(&Variable) -> bool) -> Vec<u32> {
         let all = &export.variables;
-        let good: Vec<u32> = (1..).zip(all).filter(|(_, v)| fits(v)).map(|(reference, _)| reference).collect();
+        let good: Vec<u32> =
+            (1..).zip(all).filter(|(_, v)| fits(v)).map(|(reference, _)| reference).collect();
         match self.choices.below(32) {
             0 => return Vec::new(),
             1 => return good,
@@ -123,16 +124,25 @@ impl World<'_> {
         }
     }
 
-    fn set<T: Copy>(&mut self, k: usize, set: &Set<T>, mut draw: impl FnMut(&mut Self, Option<&Variable>) -> T) {
+    fn set<T: Copy>(
+        &mut self,
+        k: usize,
+        set: &Set<T>,
+        mut draw: impl FnMut(&mut Self, Option<&Variable>) -> T,
+    ) {
         let export = self.export(k);
-        let references = self.references(export, |v| v.kind == set.kind && v.causality != Causality::Output);
-        let variables = references.iter().map(|&reference| export.variable(reference));
-        let values: Vec<T> = variables.map(|variable| draw(self, variable)).collect();
-        let fault = self.fault(2);
         let late = !matches!(
             self.live[k].as_ref().and_then(|live| live.state),
             Some(State::Instantiated | State::Initialization)
         );
+        let fixed_too = !late || self.choices.once_in(12);
+        let references = self.references(export, |v| {
+            let open = v.causality == Causality::Input || v.variability == Variability::Tunable;
+            v.kind == set.kind && v.causality != Causality::Output && (open || fixed_too)
+        });
+        let variables = references.iter().map(|&reference| export.variable(reference));
+        let values: Vec<T> = variables.map(|variable| draw(self, variable)).collect();
+        let fault = self.fault(2);
         let not_settable = |v: &Variable| match (v.causality, v.variability) {
             (Causality::Output, _) => Some(Verdict::refuse([&v.name, "cannot be set", "output"])),
             (Causality::Parameter, Variability::Fixed) if late => {
@@ -147,7 +157,9 @@ impl World<'_> {
                 let pairs = references.iter().filter_map(|&r| export.variable(r)).zip(&values);
                 let mut pairs = pairs.map(|(variable, &value)| (variable, (set.number)(value)));
                 let (variable, value) = pairs.find(|(variable, value)| !variable.takes(*value))?;
-                Some(Verdict::refuse([&variable.name, &format!("= {value} is refused"), "expected"]))
+                let truth = variable.kind == Type::Boolean;
+                let came = if truth { "= 1 is refused".to_owned() } else { refused(value) };
+                Some(Verdict::refuse([&variable.name, &came, "expected"]))
             })
             .unwrap_or(Verdict::Accept);
         self.check(k, set.function, verdict, |functions, c| {
@@ -165,7 +177,9 @@ impl World<'_> {
             call: |functions| functions.set_real,
         };
         self.set(k, &set, |world, variable| match variable {
-            Some(v) if v.number != Number::Real => world.choices.of(&[0.0, 1.0, 0.49, 0.5, 2.0, -1.0, f64::NAN, 1e300]),
+            Some(v) if v.number != Number::Real => {
+                world.choices.of(&[0.0, 1.0, 0.49, 0.5, 2.0, -1.0, f64::NAN, 1e300])
+            }
             Some(v) => world.choices.real(&v.range, v.start),
             None => 0.0,
         });
@@ -226,6 +240,12 @@ impl Export {
     pub fn variable(&self, reference: u32) -> Option<&Variable> {
         self.variables.get((reference as usize).checked_sub(1)?)
     }
+}
+
+/// How a refused value is told: in digits, but not in hundreds of them.
+pub(super) fn refused(value: f64) -> String {
+    let sane = value == 0.0 || (1e-6..1e16).contains(&value.abs()) || !value.is_finite();
+    if sane { format!("= {value} is refused") } else { format!("= {value:e} is refused") }
 }
 
 /// The refusal of the first reference that is unknown, of another type or otherwise not wanted.

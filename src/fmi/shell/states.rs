@@ -18,7 +18,8 @@ struct Handle<M: Model> {
 
 impl<M: Model> Handle<M> {
     /// Model and version: what decides how a snapshot lies in memory.
-    const MARK: u64 = fnv(M::IDENTIFIER.as_bytes(), fnv(env!("CARGO_PKG_VERSION").as_bytes(), 0xcbf2_9ce4_8422_2325));
+    const MARK: u64 =
+        fnv(M::IDENTIFIER.as_bytes(), fnv(env!("CARGO_PKG_VERSION").as_bytes(), 0xcbf2_9ce4_8422_2325));
 }
 
 /// FNV-1a, 64 bits.
