@@ -51,7 +51,7 @@ pub enum Stage {
     Platforms,
     /// `bess` as a wheel in an empty environment, its FMU in FMPy
     Wheel,
-    /// A million random calls on the C interface under AddressSanitizer
+    /// 300 000 random calls on the C interface under AddressSanitizer
     Fuzz,
     /// Half a million steps and a thousand lives of each FMU: memory flat, bits equal
     Soak,

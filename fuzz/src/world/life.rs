@@ -44,7 +44,7 @@ impl World<'_> {
         };
         assert!(!c.is_null(), "{}: {:?}", self.subject.name, log.take());
         let state = Some(State::Instantiated);
-        self.live[k] = Some(Live { c, log, heard, export, state, ramped: false, known: None });
+        self.live[k] = Some(Live { c, log, heard, export, state, ramped: false, known: None, size: 0 });
     }
 
     /// Well or with one argument wrong, which must give NULL and one line.

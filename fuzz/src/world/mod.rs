@@ -21,6 +21,8 @@ use std::ptr::null_mut;
 
 const INSTANCES: usize = 3;
 const SLOTS: usize = 4;
+/// Bytes of a state that takes its time.
+const LARGE: usize = 16 * 1024;
 
 /// How often which function is called, and `Start`, which enters and leaves initialization mode.
 const WEIGHTS: &[(Option<Function>, u32)] = &[
@@ -88,6 +90,8 @@ struct Live {
     ramped: bool,
     /// Its serialised state, where nothing has changed since.
     known: Option<Vec<u8>>,
+    /// Length of it when last seen.
+    size: usize,
 }
 
 /// A sequence under way.
@@ -235,9 +239,12 @@ impl<'a> World<'a> {
             Some(state) => Verdict::refuse([&format!("not allowed in state \"{state}\""), "expected one of"]),
         };
         let fatal = live.state == Some(State::Fatal);
-        if verdict.may_refuse() && !fatal && live.known.is_none() {
+        // Delays make a state of hundreds of kilobytes: that is not written out before every call.
+        let sampled = live.size < LARGE || self.tally.calls().is_multiple_of(32);
+        if verdict.may_refuse() && !fatal && live.known.is_none() && sampled {
             let bytes = self.bytes(k);
             if let Some(live) = &mut self.live[k] {
+                live.size = bytes.len();
                 live.known = Some(bytes);
             }
         }
