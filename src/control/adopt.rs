@@ -172,15 +172,34 @@ impl Controller {
         }
     }
 
-    /// Brings delays and eigenvalues in line with parameters and graph.
-    pub(super) fn tune(&mut self) {
+    /// Brings delays, eigenvalues and the room for the past in line with parameters and graph.
+    fn tune(&mut self) {
+        self.tune_network();
+        let (horizon_ns, edges) = self.past_needed();
+        self.state.history.reach(horizon_ns);
+        self.state.history.keep_transfers(edges);
+    }
+
+    /// After a state was taken over: the same without a change of that state. Where it was saved between a new
+    /// parameter and the refresh that makes room for it, the next refresh tunes again.
+    pub(super) fn tune_to_state(&mut self) {
+        self.tune_network();
+        let (horizon_ns, edges) = self.past_needed();
+        if !self.state.history.has_room(horizon_ns, edges) {
+            self.spectrum.tuning = None;
+        }
+    }
+
+    /// How far back values are looked up, ns, and of how many edges the past transfers are.
+    fn past_needed(&self) -> (i64, usize) {
+        let horizon_ns = self.network.longest_delay_ns().saturating_add(self.fixed.channel.horizon_ns());
+        let averages = self.state.parameters.voltage_policy == VoltagePolicy::Average;
+        (horizon_ns, if averages { self.network.graph.edges().len() } else { 0 })
+    }
+
+    fn tune_network(&mut self) {
         let tuning = self.tuning();
         self.network.set_delay(nanoseconds(tuning.delay), &self.fixed.channel);
-        let horizon_ns = self.network.longest_delay_ns().saturating_add(self.fixed.channel.horizon_ns());
-        self.state.history.reach(horizon_ns);
-        if self.state.parameters.voltage_policy == VoltagePolicy::Average {
-            self.state.history.keep_transfers(self.network.graph.edges().len());
-        }
         if self.spectrum.tuning == Some(tuning) {
             return;
         }

@@ -323,7 +323,7 @@ impl Controller {
                 return Err(error);
             }
         }
-        self.tune();
+        self.tune_to_state();
         Ok(())
     }
 

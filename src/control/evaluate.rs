@@ -90,7 +90,7 @@ impl Controller {
             signals.of_mut(Quantity::Soc)[i] = inputs.E[i] / parameters.capacity[i];
         }
         if !scratch.filtered.is_empty() {
-            let elapsed_s = seconds((now_ns - state.clock.sampled_ns).max(0));
+            let elapsed_s = seconds(now_ns.saturating_sub(state.clock.sampled_ns).max(0));
             for (k, (quantity, constant_s)) in filters(&self.fixed.filter).into_iter().enumerate() {
                 // The exact response of a first-order lag to a held measurement.
                 let share = if constant_s > 0.0 { -(-elapsed_s / constant_s).exp_m1() } else { 1.0 };
@@ -129,7 +129,7 @@ impl Controller {
         if scratch.shares.is_empty() {
             return;
         }
-        let elapsed_s = seconds((now_ns - state.clock.sampled_ns).max(0));
+        let elapsed_s = seconds(now_ns.saturating_sub(state.clock.sampled_ns).max(0));
         let first = state.clock.samples == 0;
         let new = |T_s: f64| if first || T_s == 0.0 { 1.0 } else { -(-elapsed_s / T_s).exp_m1() };
         let followed = new(followed_s);

@@ -41,7 +41,7 @@ impl Controller {
             now_ns: start_ns.saturating_add(duration_ns),
             sampled_ns: start_ns,
             step_ns: duration_ns,
-            samples: self.state.clock.samples + 1,
+            samples: self.state.clock.samples.saturating_add(1),
         };
     }
 

@@ -174,7 +174,7 @@ impl Controller {
         if self.state.filtered.is_empty() || clock.samples == 0 {
             return;
         }
-        let elapsed_s = seconds((clock.now_ns - clock.sampled_ns).max(0));
+        let elapsed_s = seconds(clock.now_ns.saturating_sub(clock.sampled_ns).max(0));
         for (k, (quantity, constant_s)) in filters(&self.fixed.filter).into_iter().enumerate() {
             if constant_s <= 0.0 {
                 continue;
@@ -189,7 +189,7 @@ impl Controller {
     /// As `Controller::share`.
     fn share_rates(&self, direction: Direction, tangents: &mut Tangents) {
         let (state, clock) = (&self.state, self.state.clock);
-        let elapsed_s = seconds((clock.now_ns - clock.sampled_ns).max(0));
+        let elapsed_s = seconds(clock.now_ns.saturating_sub(clock.sampled_ns).max(0));
         let follows = |x: Dual, last: f64, T_s: f64| {
             if clock.samples > 0 && T_s > 0.0 { filtered(direction, x, last, elapsed_s, T_s) } else { x }
         };

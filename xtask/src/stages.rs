@@ -5,7 +5,7 @@ use crate::{
     bindings,
     debian::{Need, provide},
     error::Failure,
-    fmu, platforms,
+    fmu, fuzz, platforms,
     process::{cargo, command, run as start},
     python, scenario,
     table::{Outcome, Row, render},
@@ -46,6 +46,10 @@ pub enum Stage {
     Platforms,
     /// `bess` as a wheel in an empty environment, its FMU in FMPy
     Wheel,
+    /// 300 000 random calls on the C interface under AddressSanitizer
+    Fuzz,
+    /// Half a million steps and a thousand lives of each FMU: memory flat, bits equal
+    Soak,
 }
 
 impl Stage {
@@ -65,6 +69,8 @@ impl Stage {
             Stage::Browser => "browser",
             Stage::Platforms => "platforms",
             Stage::Wheel => "wheel",
+            Stage::Fuzz => "fuzz",
+            Stage::Soak => "soak",
         }
     }
 
@@ -79,7 +85,8 @@ impl Stage {
             Stage::Browser => &[Need::Python, Need::Chromium],
             Stage::Platforms => &[Need::Python, Need::CrossRust, Need::Mingw, Need::Wine, Need::QemuAarch64],
             Stage::Wheel => &[Need::Python, Need::CrossRust, Need::Mingw],
-            Stage::Rust | Stage::Doc | Stage::Fmu | Stage::Run => &[],
+            Stage::Fuzz => &[Need::Asan],
+            Stage::Rust | Stage::Doc | Stage::Fmu | Stage::Run | Stage::Soak => &[],
         }
     }
 
@@ -124,6 +131,8 @@ impl Stage {
             }),
             Stage::Platforms => platforms::test(workspace, pytest),
             Stage::Wheel => platforms::test_wheel(workspace, pytest),
+            Stage::Fuzz => fuzz::seeded(workspace, fuzz::STAGE_CALLS, 1),
+            Stage::Soak => fuzz::soak(workspace, fuzz::STAGE_SOAK),
         }
     }
 }
