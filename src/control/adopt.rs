@@ -113,12 +113,14 @@ impl Controller {
     pub(super) fn rebuild(&mut self) -> Topology {
         let adopted = &self.state.adopted;
         let mut topology = self.topologies.build(adopted.topology, &adopted.available);
-        self.network = Network::new(std::mem::take(&mut topology.graph));
+        let graph = std::mem::take(&mut topology.graph);
+        self.network = Network::new(graph).sorting_out(self.fixed.outlier_filter);
         self.scratch.wave = Wave::new(&self.network);
         let edges = self.network.graph.edges().len();
         self.scratch.flows = vec![0.0; edges];
         self.scratch.transfers = vec![0.0; edges];
-        self.scratch.received_ns = vec![i64::MIN; if self.fixed.channel.is_lossy() { 2 * edges } else { 0 }];
+        let keeps_times = self.fixed.channel.keeps_times(self.fixed.silence_ns);
+        self.scratch.received_ns = vec![i64::MIN; if keeps_times { 2 * edges } else { 0 }];
         self.state.outputs.cluster.copy_from_slice(&topology.cluster);
         self.spectrum.tuning = None;
         std::mem::replace(&mut self.topology, topology)
@@ -175,7 +177,8 @@ impl Controller {
     /// Brings delays and eigenvalues in line with parameters and graph.
     pub(super) fn tune(&mut self) {
         let tuning = self.tuning();
-        self.network.set_delay(nanoseconds(tuning.delay), &self.fixed.channel);
+        let common_ns = nanoseconds(tuning.delay);
+        self.network.set_delay(common_ns, &self.fixed.channel, self.fixed.silence_ns);
         let horizon_ns = self.network.longest_delay_ns() + self.fixed.channel.horizon_ns();
         self.state.history.reach(horizon_ns);
         if self.state.parameters.voltage_policy == VoltagePolicy::Average {

@@ -62,6 +62,9 @@ pub fn run(
             run.outcome.warnings.push(format!("{}: {error}", participant.name()));
         }
     }
+    for participant in participants.iter_mut() {
+        run.outcome.warnings.extend(participant.take_warnings());
+    }
     let finished = observer.finish(result.as_ref().err());
     result?;
     finished?;

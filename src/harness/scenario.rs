@@ -6,6 +6,7 @@ use super::coupling::{Connection, Endpoint, connect};
 use super::description::Causality;
 use super::error::HarnessError;
 use super::fmu::Fmu;
+use super::guarded::Guarded;
 use super::in_process::InProcess;
 use super::participant::{CallError, Participant};
 use super::plan::{Algorithm, Event, Plan, Setting};
@@ -67,7 +68,12 @@ pub fn stage(resolved: &Resolved, cast: &Cast) -> Result<(Vec<Box<dyn Participan
         }
     }
     let plan = plan(resolved, &participants, initial)?;
-    Ok((participants, plan))
+    let mut guarded: Vec<Box<dyn Participant>> = Vec::with_capacity(2);
+    for participant in participants {
+        let is_controller = participant.name() == CONTROLLER;
+        guarded.push(Box::new(Guarded::new(participant, &resolved.faults, is_controller)?));
+    }
+    Ok((guarded, plan))
 }
 
 impl Cast {

@@ -6,6 +6,7 @@ pub mod connection;
 pub mod document;
 mod error;
 mod extends;
+pub mod fault;
 mod load;
 mod resolve;
 mod resolve_control;

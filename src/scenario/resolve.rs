@@ -3,6 +3,7 @@
 use super::connection::{self, Batteries, Wire};
 use super::document::{Grid, Scenario};
 use super::error::ScenarioError;
+use super::fault::{self, WireFault};
 use super::load::{Source, find, read};
 use super::{resolve_control, resolve_grid};
 use crate::{control, grid};
@@ -22,6 +23,8 @@ pub struct Resolved {
     pub grid: Option<grid::Config>,
     /// The connection table, wire by wire.
     pub wires: Vec<Wire>,
+    /// Faults of the wires; those of messages are in `control`.
+    pub faults: Vec<WireFault>,
 }
 
 impl Resolved {
@@ -36,11 +39,12 @@ impl Resolved {
         check_frame(&scenario, &source.origin)?;
         name_every_battery(&mut scenario, &source.origin)?;
         let grid = resolve_grid::grid(&scenario, source)?;
-        let control = resolve_control::control(&scenario, &source.origin, || {
+        let (faults, messages) = fault::resolve(&scenario, &source.origin)?;
+        let control = resolve_control::control(&scenario, messages, &source.origin, || {
             resolve_grid::electrical_distances(grid.as_ref(), &source.origin)
         })?;
         let wires = connection::wires(&scenario, grid.as_ref(), &source.origin)?;
-        Ok(Self { scenario, source: source.clone(), control, grid, wires })
+        Ok(Self { scenario, source: source.clone(), control, grid, wires, faults })
     }
 
     /// The FMU that the scenario puts in the controller's place.
