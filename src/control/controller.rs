@@ -316,7 +316,7 @@ impl Controller {
             limits: &self.fixed.limits,
             no_circulation: self.fixed.no_circulation,
             late: Lateness::default(),
-            frozen: &self.scratch.frozen,
+            mute: &self.scratch.mute,
         }
     }
 

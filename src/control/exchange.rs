@@ -34,8 +34,8 @@ pub struct Exchange<'a, S = f64> {
     pub no_circulation: bool,
     /// 0, but in a derivative.
     pub late: Lateness<S>,
-    /// Who has stopped: what both ends agreed on last goes on over its edges. Empty where nobody has.
-    pub frozen: &'a [bool],
+    /// Who tells nothing that makes sense: what both ends agreed on last goes on over its edges. Empty where all do.
+    pub mute: &'a [bool],
 }
 
 impl<S: Scalar> Exchange<'_, S> {
@@ -56,7 +56,7 @@ impl<S: Scalar> Exchange<'_, S> {
         let past = (history, self.late);
         for (e, edge) in network.graph.edges().iter().enumerate() {
             let (a, b) = edge.ends();
-            if [a, b].iter().any(|&i| self.frozen.get(i) == Some(&true)) {
+            if [a, b].iter().any(|&i| self.mute.get(i) == Some(&true)) {
                 flows[e] = c(last[e]);
                 continue;
             }

@@ -264,7 +264,7 @@ impl Controller {
             limits: &self.fixed.limits,
             no_circulation: self.fixed.no_circulation,
             late,
-            frozen: &self.scratch.frozen,
+            mute: &self.scratch.mute,
         };
         let Tangents { signals, told, u: [_, _, u_E, _, _], flows, P_set, limited, .. } = tangents;
         let signals = if self.scratch.mute.is_empty() { &*signals } else { &*told };

@@ -55,7 +55,7 @@ pub enum MessageFaultKind {
         /// Rate.
         rate_per_s: f64,
     },
-    /// NaN: the receiver recognises that, discards it and keeps the last message that made sense.
+    /// NaN: the receiver recognises that, discards the message whole and keeps the last that made sense.
     Nan,
     /// The agent has stopped: it sends nothing, and its setpoints hold.
     Freeze,
@@ -95,7 +95,7 @@ impl MessageFault {
     }
 
     fn touches(&self, quantity: usize) -> bool {
-        self.told.is_none_or(|told| told.quantity() as usize == quantity)
+        self.is_mute() || self.told.is_none_or(|told| told.quantity() as usize == quantity)
     }
 }
 

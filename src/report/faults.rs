@@ -144,7 +144,9 @@ pub fn fault_row(
         V_set_jump: jump(&V_set),
         P_set_jump: jump(&P_set),
         P_set_sum: worst(from.map(sum)),
-        converged_s: (converged < time.len()).then(|| (value(time, converged) - counts_from).max(0.0)),
+        // What has just come within the tolerance may be rocking through it.
+        converged_s: (value(time, converged) + WINDOW_S <= end)
+            .then(|| (value(time, converged) - counts_from).max(0.0)),
         cannot: window.cannot.clone(),
     })
 }

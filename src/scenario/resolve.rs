@@ -1,7 +1,7 @@
 //! From the scenario to the configurations of controller and grid, checked whole before anything is written.
 
 use super::connection::{self, Batteries, Wire};
-use super::document::{Grid, Scenario};
+use super::document::{Distance, Grid, Scenario};
 use super::error::ScenarioError;
 use super::fault::{self, WireFault};
 use super::load::{Source, find, read};
@@ -117,6 +117,20 @@ fn check_frame(scenario: &Scenario, origin: &str) -> Result<(), ScenarioError> {
         }
         if !(0.0..=1.0).contains(&bess.soc_start) {
             return wrong(format!("bess[{i}].soc_start"), bess.soc_start.to_string(), "a number from 0 to 1");
+        }
+    }
+    if scenario.communication.graphs.is_none()
+        && matches!(scenario.communication.distance, Distance::Electrical)
+    {
+        for (i, bess) in scenario.bess.iter().enumerate() {
+            if let Some(first) = scenario.bess.iter().take(i).position(|other| other.bus == bess.bus) {
+                return wrong(
+                    format!("bess[{i}].bus"),
+                    format!("{}, where bess[{first}] is", bess.bus),
+                    "a bus of its own, because electrical distances tell the batteries apart; or give \
+                     `communication.graphs`, or positions and the distance \"euclidean\"",
+                );
+            }
         }
     }
     for (k, event) in scenario.events.iter().enumerate() {

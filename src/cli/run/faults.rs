@@ -24,9 +24,10 @@ pub fn own_row(resolved: &Resolved, run: &Record, agents: &Agents) -> Result<Opt
     let faults = &resolved.scenario.faults;
     let Some(from_s) = faults.iter().map(|fault| fault.from_s).reduce(f64::min) else { return Ok(None) };
     let ends: Option<Vec<f64>> = faults.iter().map(|fault| fault.until_s).collect();
-    let indexed = |name: &str| Some(name.strip_suffix(']')?.split_once('[')?.1.parse::<usize>().ok()? - 1);
+    let indexed =
+        |name: &str| name.strip_suffix(']')?.split_once('[')?.1.parse::<usize>().ok()?.checked_sub(1);
     let wires = resolved.faults.iter().filter_map(|fault| indexed(&fault.signal));
-    let messages = resolved.control.message_faults.iter().map(|fault| fault.agent as usize - 1);
+    let messages = resolved.control.message_faults.iter().map(|fault| (fault.agent as usize).wrapping_sub(1));
     let window = FaultWindow {
         label: "as given".into(),
         from_s,
