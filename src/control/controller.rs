@@ -278,6 +278,7 @@ impl Controller {
             self.sweep(duration_ns, true);
             self.pass(start_ns, duration_ns);
         } else {
+            self.fade_in_who_is_back(start_ns);
             self.evaluate(start_ns, duration_ns);
             self.advance(start_ns, duration_ns);
         }

@@ -182,6 +182,17 @@ impl Controller {
         }
     }
 
+    /// The exchange with those who can be heard again fades in, as over any link that is back.
+    pub(super) fn fade_in_who_is_back(&mut self, now_ns: i64) {
+        let clock = self.state.clock;
+        let is_back = |fault: &MessageFault| {
+            fault.is_mute() && fault.is_active(clock.sampled_ns) && !fault.is_active(now_ns)
+        };
+        if clock.samples > 0 && self.fixed.message_faults.iter().any(is_back) {
+            self.state.fade_left_ns = nanoseconds(self.fixed.exchange_fade_s);
+        }
+    }
+
     /// Who has stopped moves no setpoint.
     pub(super) fn hold_frozen(&mut self) {
         let outputs = &mut self.state.outputs;

@@ -21,6 +21,8 @@ pub(super) struct Memory {
     pub truth: Option<f64>,
     /// What was passed on last before the fault that is there now, if any is.
     pub passed: Option<f64>,
+    /// When that was, ns.
+    pub at_ns: Option<i64>,
 }
 
 impl FaultySignal {
@@ -30,7 +32,7 @@ impl FaultySignal {
 
     /// Takes in the truth at `now_ns` and gives what arrives.
     pub fn arrives(&mut self, truth: f64, now_ns: i64) -> f64 {
-        self.memory.truth = Some(truth);
+        (self.memory.truth, self.memory.at_ns) = (Some(truth), Some(now_ns));
         let mut value = truth;
         let mut is_held = false;
         for fault in &self.faults {

@@ -77,8 +77,6 @@ struct Span {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Own {
     now_ns: i64,
-    /// Time for which faults were brought about last.
-    faulty_at_ns: Option<i64>,
     signals: Vec<Memory>,
     /// Watched inputs that are not finite now.
     lost: BTreeSet<u32>,
@@ -194,14 +192,14 @@ impl Guarded {
 
     /// Brings the faults of the present about where nothing new was set since the last step.
     fn refresh(&mut self) -> Result<(), CallError> {
-        if self.signals.is_empty() || self.own.faulty_at_ns == Some(self.own.now_ns) {
+        if self.signals.is_empty() {
             return Ok(());
         }
-        self.own.faulty_at_ns = Some(self.own.now_ns);
         self.references.clear();
         self.values.clear();
         for signal in &mut self.signals {
-            if let Some(truth) = signal.memory.truth {
+            if let Some(truth) = signal.memory.truth.filter(|_| signal.memory.at_ns != Some(self.own.now_ns))
+            {
                 self.references.push(signal.reference);
                 self.values.push(signal.arrives(truth, self.own.now_ns));
             }
@@ -273,7 +271,6 @@ impl Participant for Guarded {
             self.references.push(reference);
             self.values.push(signal.map_or(value, |signal| signal.arrives(value, self.own.now_ns)));
         }
-        self.own.faulty_at_ns = Some(self.own.now_ns);
         self.pass()
     }
 
