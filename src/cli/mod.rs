@@ -1,5 +1,5 @@
 //! The `bess` command: parse, call one function, print. Exit codes: 0 done, 1 the run or the file failed (or `check` found errors),
-//! 2 the command line or the scenario is wrong.
+//! 2 the command line or the scenario is wrong, 3 an FMU in a process of its own crashed or hung.
 #![forbid(unsafe_code)]
 #![allow(non_snake_case)]
 
@@ -7,6 +7,7 @@ mod bounds;
 mod certified;
 mod check;
 mod cluster;
+mod duration;
 mod export;
 mod run;
 mod show;
@@ -53,6 +54,9 @@ enum Command {
         /// The FMU
         file: PathBuf,
     },
+    /// Takes calls for one FMU, in a process that may die of it
+    #[command(name = run::WORKER, hide = true)]
+    Worker(run::WorkerArgs),
     /// Print a scenario as it is read, a start for one's own
     Show(ScenarioArgs),
     /// Print the JSON Schema of scenarios
@@ -121,6 +125,7 @@ pub fn main(carried: &'static [u8]) -> ExitCode {
             crate::check::probe(&file);
             Ok(())
         }
+        Command::Worker(args) => run::work(&args),
         Command::Show(args) => show::show(&args),
         Command::Schema => show::schema(),
     };

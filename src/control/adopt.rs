@@ -179,10 +179,13 @@ impl Controller {
         let tuning = self.tuning();
         let common_ns = nanoseconds(tuning.delay);
         self.network.set_delay(common_ns, &self.fixed.channel, self.fixed.silence_ns);
-        let horizon_ns = self.network.longest_delay_ns() + self.fixed.channel.horizon_ns();
+        let horizon_ns = self.network.longest_delay_ns().saturating_add(self.fixed.channel.horizon_ns());
         self.state.history.reach(horizon_ns);
         if self.state.parameters.voltage_policy == VoltagePolicy::Average {
             self.state.history.keep_transfers(self.network.graph.edges().len());
+        }
+        if self.spectrum.tuning == Some(tuning) {
+            return;
         }
         self.spectrum = Spectrum {
             P: self.tie(tuning.gain_P, tuning.eta, tuning.dispatch),

@@ -76,6 +76,48 @@ pub(super) struct Scratch {
     pub frozen: Vec<bool>,
 }
 
+/// Whether `sweep` does all that a configuration asks for, as far as nothing changes it between steps. Every option
+/// is named, so that a new one is not forgotten here.
+fn is_plain(config: &Config) -> bool {
+    let Config {
+        // What `sweep` does.
+        K_P: _,
+        K_Q: _,
+        capacity: _,
+        P_exchange_max: _,
+        omega_set_start: _,
+        V_set_start: _,
+        eta: _,
+        gains: _,
+        theta_min_s: _,
+        theta_E_s: _,
+        discretisation: _,
+        exchange_fade_s: _,
+        // What `Controller::is_plain` looks at in every step.
+        delay_s: _,
+        voltage_policy: _,
+        communication: _,
+        channel: _,
+        // What it leaves to `evaluate`.
+        law,
+        limits,
+        measurement_filter,
+        no_circulation,
+        lost_link_fade_s,
+        silence_s,
+        outlier_filter,
+        message_faults,
+    } = config;
+    *law == Law::FiniteTime
+        && *limits == Limits::default()
+        && *measurement_filter == MeasurementFilter::default()
+        && !no_circulation
+        && lost_link_fade_s.is_none()
+        && silence_s.is_none()
+        && *outlier_filter == 0
+        && message_faults.is_empty()
+}
+
 impl Controller {
     /// A controller in its start state.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
@@ -121,14 +163,7 @@ impl Controller {
             silence_ns: config.silence_s.map(nanoseconds),
             outlier_filter: config.outlier_filter,
             message_faults: config.message_faults.clone(),
-            is_plain: config.law == Law::FiniteTime
-                && config.limits == Limits::default()
-                && config.measurement_filter == MeasurementFilter::default()
-                && !config.no_circulation
-                && config.silence_s.is_none()
-                && config.outlier_filter == 0
-                && config.message_faults.is_empty()
-                && config.lost_link_fade_s.is_none(),
+            is_plain: is_plain(&config),
         };
         let bounded = fixed.limits.power || fixed.no_circulation;
         let faulty = if fixed.message_faults.is_empty() { 0 } else { n };
@@ -234,6 +269,11 @@ impl Controller {
         let chosen = usize::try_from(i64::from(inputs.topology) - 1);
         adopted.topology = chosen.ok().filter(|&k| k < self.topologies.count()).unwrap_or(0);
         self.state.clock = Clock::default();
+        // What evaluations before have left there must not reach the state.
+        let scratch = &mut self.scratch;
+        for values in [&mut scratch.filtered, &mut scratch.shares, &mut scratch.followed] {
+            values.fill(0.0);
+        }
         self.state.filtered.clone_from(&self.scratch.filtered);
         self.state.shares.clone_from(&self.scratch.shares);
         self.state.followed.clone_from(&self.scratch.followed);
@@ -292,13 +332,20 @@ impl Controller {
     /// Takes over a state of a controller made from the same configuration; on an error nothing changes.
     pub fn set_state(&mut self, state: &State) -> Result<(), ConfigError> {
         state.check(self.agents(), self.topologies.count(), &self.scratch)?;
-        let before = self.clone();
-        self.state.clone_from(state);
-        self.rebuild();
-        let edges = self.network.graph.edges().len();
-        if let Err(error) = self.state.check_edges(edges, self.scratch.received_ns.len()) {
-            *self = before;
-            return Err(error);
+        if self.state.adopted.graph() == state.adopted.graph() {
+            // The usual rollback: the graph is there already, and perhaps its eigenvalues.
+            state.check_edges(self.network.graph.edges().len(), self.scratch.received_ns.len())?;
+            self.state.clone_from(state);
+            self.state.outputs.cluster.copy_from_slice(&self.topology.cluster);
+        } else {
+            let before = self.clone();
+            self.state.clone_from(state);
+            self.rebuild();
+            let edges = self.network.graph.edges().len();
+            if let Err(error) = self.state.check_edges(edges, self.scratch.received_ns.len()) {
+                *self = before;
+                return Err(error);
+            }
         }
         self.tune();
         Ok(())

@@ -277,7 +277,7 @@ impl Channel {
     /// How far back a value may have to be looked up beyond the delay, ns. After a long loss it is the
     /// oldest sample kept, at least one second old.
     pub fn horizon_ns(&self) -> i64 {
-        nanoseconds(self.jitter_s) + if self.loss > 0.0 { 1_000_000_000 } else { 0 }
+        nanoseconds(self.jitter_s).saturating_add(if self.loss > 0.0 { 1_000_000_000 } else { 0 })
     }
 
     /// Time of the newest value that `to` has of `from` at sample number `sample`, when a punctual
@@ -290,7 +290,7 @@ impl Channel {
             return last_ns;
         }
         let late = unit(mix(draw)) * self.jitter_s;
-        last_ns.max(punctual_ns - nanoseconds(late))
+        last_ns.max(punctual_ns.saturating_sub(nanoseconds(late)))
     }
 }
 

@@ -129,3 +129,42 @@ impl Diagnosis {
         [self.squares_p.sqrt(), self.squares_omega.sqrt()]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Agents that scatter, some not there, some there without taking part.
+    fn agent(i: usize) -> Seen {
+        let x = |k: usize| ((i * 37 + k * 11) as f64).sin();
+        let own = [1.0 + 1e-3 * x(0), 0.3 + x(1), 1.0 + 0.1 * x(2), x(3), 0.5 + 0.2 * x(4), 0.0, 0.0, 0.0];
+        let available = !i.is_multiple_of(5);
+        Seen { available, live: available && !i.is_multiple_of(7), told_p: own[P] + 0.01 * x(5), own }
+    }
+
+    #[test]
+    fn many_chunks_give_what_the_definitions_give() {
+        for n in [1, CHUNK - 1, CHUNK, 3 * CHUNK + 17] {
+            let all: Vec<Seen> = (0..n).map(agent).collect();
+            let live: Vec<Seen> = all.iter().copied().filter(|seen| seen.live).collect();
+            let mean = live.iter().map(|seen| seen.told_p).sum::<f64>() / live.len().max(1) as f64;
+            let norm =
+                |of: &dyn Fn(&Seen) -> f64| live.iter().map(|seen| of(seen).powi(2)).sum::<f64>().sqrt();
+            let of = |k: usize| all.iter().filter(|seen| seen.available).map(move |seen| seen.own[k]);
+            let spread =
+                |k: usize| (of(k).fold(f64::MIN, f64::max) - of(k).fold(f64::MAX, f64::min)).max(0.0);
+            let error = |k: usize, to: f64| of(k).fold(0.0, |w: f64, x| w.max((x - to).abs()));
+            for goal in [None, Some(0.2)] {
+                let mut found = Diagnosis::new(1.0, 1.01, goal);
+                found.take(0, n, agent);
+                let about = goal.unwrap_or(mean);
+                let expected = [norm(&|seen| seen.told_p - about), norm(&|seen| seen.own[OMEGA] - 1.0)];
+                for (found, expected) in found.norms().into_iter().zip(expected) {
+                    assert!((found - expected).abs() <= 1e-13 * expected, "{n}: {found} {expected}");
+                }
+                assert_eq!(found.spreads(), [spread(P), spread(Q), spread(SOC)]);
+                assert_eq!(found.errors(), [error(OMEGA, 1.0), error(V, 1.01)]);
+            }
+        }
+    }
+}

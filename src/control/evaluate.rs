@@ -1,7 +1,7 @@
 //! What follows the inputs at once: the signals, the five inputs of the paper after limits, the energy
 //! exchange that a step would set, the diagnostics. Writes outputs and scratch, never setpoints or memory.
 
-use super::config::{Discretisation, VoltagePolicy};
+use super::config::{Discretisation, MeasurementFilter, VoltagePolicy};
 use super::controller::Controller;
 use super::delay::Quantity;
 use super::diagnosis::{Diagnosis, Seen};
@@ -25,6 +25,17 @@ const SHARE_LOOPS: f64 = 2.0;
 /// P and Q the average voltage has to follow. Where the layer grows with the delay, the run does not depend on the
 /// step. From 1/30 the turns linger, beyond 1/10 the sharing itself is slow; in between it hardly matters.
 const DELAY_LAYER: f64 = 1.0 / 20.0;
+
+/// The filtered signals in the order of the state's `filtered`, each with its time constant, s.
+pub(super) fn filters(filter: &MeasurementFilter) -> [(Quantity, f64); 5] {
+    [
+        (Quantity::Omega, filter.omega_s),
+        (Quantity::P, filter.P_s),
+        (Quantity::V, filter.V_s),
+        (Quantity::Q, filter.Q_s),
+        (Quantity::Soc, filter.E_s),
+    ]
+}
 
 impl Controller {
     /// Evaluates everything at `now_ns` for a step of `h_ns`.
@@ -54,7 +65,9 @@ impl Controller {
             self.exchange(h_ns);
             self.hold_frozen();
         } else {
-            self.scratch.owed.iter_mut().for_each(|owed| owed.fill(0.0));
+            for i in 0..self.agents() {
+                self.rest(i);
+            }
             let outputs = &mut self.state.outputs;
             for u in
                 [&mut outputs.u_omega, &mut outputs.u_P, &mut outputs.u_E, &mut outputs.u_V, &mut outputs.u_Q]
@@ -86,18 +99,8 @@ impl Controller {
             signals.of_mut(Quantity::Soc)[i] = inputs.E[i] / parameters.capacity[i];
         }
         if !scratch.filtered.is_empty() {
-            let filter = self.fixed.filter;
             let elapsed_s = seconds((now_ns - state.clock.sampled_ns).max(0));
-            for (k, (quantity, constant_s)) in [
-                (Quantity::Omega, filter.omega_s),
-                (Quantity::P, filter.P_s),
-                (Quantity::V, filter.V_s),
-                (Quantity::Q, filter.Q_s),
-                (Quantity::Soc, filter.E_s),
-            ]
-            .into_iter()
-            .enumerate()
-            {
+            for (k, (quantity, constant_s)) in filters(&self.fixed.filter).into_iter().enumerate() {
                 // The exact response of a first-order lag to a held measurement.
                 let share = if constant_s > 0.0 { -(-elapsed_s / constant_s).exp_m1() } else { 1.0 };
                 let values = signals.of_mut(quantity);
@@ -220,11 +223,17 @@ impl Controller {
 
     /// Boundary layer of the exchange for a step of `h_s`, s.
     pub(super) fn exchange_layer(&self, h_s: f64) -> f64 {
-        let parameters = &self.state.parameters;
+        self.exchange_layer_of(h_s, self.state.parameters.theta_E)
+    }
+
+    /// The same with this theta_E, s.
+    pub(super) fn exchange_layer_of<S: Scalar>(&self, h_s: f64, theta_E_s: S) -> S {
         // theta_E is part of the exchange, not of its sampling: the bare law keeps it.
-        match parameters.discretisation {
-            Discretisation::Capped => (self.state.lags.frequency.loop_steps() * h_s).max(parameters.theta_E),
-            Discretisation::Explicit => parameters.theta_E,
+        match self.state.parameters.discretisation {
+            Discretisation::Capped => {
+                S::constant(self.state.lags.frequency.loop_steps() * h_s).max(theta_E_s)
+            }
+            Discretisation::Explicit => theta_E_s,
         }
     }
 
@@ -266,7 +275,6 @@ impl Controller {
     fn diagnose(&mut self) {
         let (signals, inputs) = (&self.scratch.signals, &self.state.inputs);
         let (available, live) = (&self.state.adopted.available, &self.topology.live);
-        let owed = |k: usize, i: usize| self.state.owed[k].get(i).copied().unwrap_or(0.0);
         let goal = inputs.dispatch.then_some(inputs.P_ref);
         let mut diagnosis = Diagnosis::new(inputs.omega_ref, inputs.V_ref, goal);
         diagnosis.take(0, live.len(), |i| Seen {
@@ -275,9 +283,9 @@ impl Controller {
             told_p: signals.of(Quantity::P)[i],
             own: [
                 signals.of(Quantity::Omega)[i],
-                signals.of(Quantity::P)[i] - owed(0, i),
+                self.own(signals, Quantity::P, i),
                 signals.of(Quantity::V)[i],
-                signals.of(Quantity::Q)[i] - owed(1, i),
+                self.own(signals, Quantity::Q, i),
                 signals.of(Quantity::Soc)[i],
                 0.0,
                 0.0,

@@ -41,8 +41,8 @@ pub struct Exchange<'a, S = f64> {
 impl<S: Scalar> Exchange<'_, S> {
     /// f_ij = sgn(d) min(3600 g_E w_ij s(d), 3600 min(C_i, C_j) abs(d) / (theta (1 + max(deg_i, deg_j)))),
     /// d = SoC_i - SoC_j, pu, limited to min(P_exchange_max_i / deg_i, P_exchange_max_j / deg_j), both ends
-    /// at t - tau, with theta = max(h, theta_E, 2 tau). `flows` holds those of the last step and becomes
-    /// those of this one; `limited` is set for the agents whose limits bind.
+    /// at t - tau, with theta = max(h, theta_E, 2 tau) and deg without the virtual leader. `flows` becomes those
+    /// of this step, `last` being those of the step before; `limited` is set for the agents whose limits bind.
     pub fn flows(
         &self,
         network: &Network,

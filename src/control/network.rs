@@ -156,7 +156,7 @@ impl Network {
         let Hearing { channel, silence_ns, mute } = hearing;
         let keeps_times = channel.keeps_times(silence_ns);
         for e in 0..self.known.len() {
-            let punctual = now_ns - self.delays_ns[e];
+            let punctual = now_ns.saturating_sub(self.delays_ns[e]);
             let mut times = [punctual; 2];
             if keeps_times {
                 let edge = self.graph.edges()[e];

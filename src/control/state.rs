@@ -68,6 +68,13 @@ pub(super) struct Adopted {
     pub asked: i32,
 }
 
+impl Adopted {
+    /// What the graph in force was built for: the topology, from 0, and who is available.
+    pub fn graph(&self) -> (usize, &[bool]) {
+        (self.topology, &self.available)
+    }
+}
+
 /// Where the controller is in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Clock {

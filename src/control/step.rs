@@ -21,6 +21,7 @@ impl Controller {
         state.received_ns.copy_from_slice(&scratch.received_ns);
         state.shares.copy_from_slice(&scratch.shares);
         state.followed.copy_from_slice(&scratch.followed);
+        state.authority.copy_from_slice(&scratch.authority);
         for (owed, next) in state.owed.iter_mut().zip(&scratch.owed) {
             owed.copy_from_slice(next);
         }
@@ -77,7 +78,6 @@ impl Controller {
             outputs.P_set[i] = scratch.P_set[i];
         }
         state.flows.copy_from_slice(&scratch.flows);
-        state.authority.copy_from_slice(&scratch.authority);
         for k in 0..self.state.held.len() {
             self.state.held[k].flow = self.carries(&self.state.held[k], h_ns);
         }

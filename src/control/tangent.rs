@@ -6,6 +6,7 @@ use super::config::{Discretisation, VoltagePolicy};
 use super::controller::Controller;
 use super::delay::{Quantity, Signals};
 use super::discretisation::{Flow, SignPower, boundary_layer};
+use super::evaluate::filters;
 use super::exchange::{Exchange, HeldLink, setpoints};
 use super::io::{Inputs, Outputs, Parameters};
 use super::lag::Lag;
@@ -177,21 +178,12 @@ impl Controller {
 
     /// What the measurement filters make of the rates; in time the filters themselves go on.
     fn filter_rates(&self, direction: Direction, signals: &mut Signals<Dual>) {
-        let (clock, filter, n) = (self.state.clock, self.fixed.filter, self.agents());
+        let (clock, n) = (self.state.clock, self.agents());
         if self.state.filtered.is_empty() || clock.samples == 0 {
             return;
         }
         let elapsed_s = seconds((clock.now_ns - clock.sampled_ns).max(0));
-        for (k, (quantity, constant_s)) in [
-            (Quantity::Omega, filter.omega_s),
-            (Quantity::P, filter.P_s),
-            (Quantity::V, filter.V_s),
-            (Quantity::Q, filter.Q_s),
-            (Quantity::Soc, filter.E_s),
-        ]
-        .into_iter()
-        .enumerate()
-        {
+        for (k, (quantity, constant_s)) in filters(&self.fixed.filter).into_iter().enumerate() {
             if constant_s <= 0.0 {
                 continue;
             }
@@ -247,16 +239,10 @@ impl Controller {
         let h_s = seconds(h_ns);
         let parameters = &self.state.parameters;
         let theta_E = Dual::new(parameters.theta_E, tangents.parameters.theta_E);
-        let theta_s = match parameters.discretisation {
-            Discretisation::Capped => {
-                Dual::constant(self.state.lags.frequency.loop_steps() * h_s).max(theta_E)
-            }
-            Discretisation::Explicit => theta_E,
-        };
         let exchange = Exchange {
             power: tuned.power,
             gain: Dual::new(parameters.gain_E, tangents.parameters.gain_E),
-            theta_s,
+            theta_s: self.exchange_layer_of(h_s, theta_E),
             h_s,
             capacity: &parameters.capacity,
             P_max: &parameters.P_exchange_max,

@@ -1,6 +1,6 @@
 //! Directional derivatives, input derivatives and output derivatives (FMI 2.0.4, sections 2.1.9 and 4.2.1), all
-//! through the model's tangents. As for values: everything is checked before anything changes, and nothing
-//! allocates unless a call is refused (the first input derivative of an instance makes room for all).
+//! through the model's tangents. As for values: everything is checked before anything changes. In step mode
+//! nothing allocates but refusals and the first of each call, which makes room for all.
 //!
 //! Input derivatives are of order 1. They are set with respect to the beginning of a communication step and
 //! belong to the next step alone, in whatever order value and derivative were set: during it the input is
@@ -21,6 +21,11 @@ use serde::{Deserialize, Serialize};
 pub(super) struct Ramps(Vec<f64>);
 
 impl Ramps {
+    /// Whether none has been set.
+    fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// Whether no input moves.
     pub fn is_flat(&self) -> bool {
         self.0.iter().all(|rate| *rate == 0.0)
@@ -101,7 +106,7 @@ impl<M: Model> Instance<M> {
         if references.is_empty() {
             return Ok(());
         }
-        if self.ramps.is_flat() {
+        if self.ramps.is_empty() {
             let last = self.registry.groups().filter(|(_, group)| is_input(group));
             let last = last.map(|(first, group)| first + group.len() as u32 - 1).last();
             self.ramps.set(last.unwrap_or_default(), 0.0);
@@ -152,7 +157,6 @@ impl<M: Model> Instance<M> {
                 set(&mut self.model, index, end);
             }
         }
-        self.ramps.end();
         Ok(())
     }
 

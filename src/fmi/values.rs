@@ -148,7 +148,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Checks everything about a set but the values.
-    pub(super) fn check_set(
+    fn check_set(
         &self,
         function: Function,
         expected: Type,

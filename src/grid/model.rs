@@ -8,12 +8,12 @@ use super::integrator::{Effort, Failure, Integrator};
 use super::load::LoadModel;
 use super::network::{Conditions, Network};
 use super::plant::Plant;
-use super::state::{FIRST_STEP_S, Inputs, Parameters, State};
+use super::state::{FIRST_STEP_S, Inputs, Parameters, State, wrap};
 use super::steady_state::{SteadyState, steady_state};
 use super::workspace::Workspace;
 use faer::c64;
 use std::cell::RefCell;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// The grid with its batteries.
@@ -195,11 +195,8 @@ impl GridModel {
             self.readout.get_mut().valid = false;
             return Ok(());
         }
-        let n = self.n();
         let state = &mut self.state;
-        for (part, values) in self.y.chunks_exact_mut(n).zip([&state.delta, &state.P, &state.Q, &state.E]) {
-            part.copy_from_slice(values);
-        }
+        state.write_to(&mut self.y);
         self.workspace.restart();
         let mut grid = Grid {
             network: &self.network,
@@ -212,12 +209,7 @@ impl GridModel {
             .integrator
             .advance(&mut grid, &mut self.y, &mut state.internal_step_s, duration_ns as f64 * 1e-9)
             .map_err(|failure| failure.of_step(start_ns))?;
-        for (part, values) in
-            self.y.chunks_exact(n).zip([&mut state.delta, &mut state.P, &mut state.Q, &mut state.E])
-        {
-            values.copy_from_slice(part);
-        }
-        state.delta.iter_mut().for_each(|delta| *delta = wrap(*delta));
+        state.take_from(&self.y);
         self.readout.get_mut().valid = false;
         Ok(())
     }
@@ -242,7 +234,11 @@ impl GridModel {
     pub fn set_state(&mut self, state: &State) -> Result<(), GridError> {
         state.validate(self.n(), self.n_bus(), self.plant.tie.is_some())?;
         self.in_line = false;
-        self.network.update(&conditions(state))?;
+        if let Err(refused) = self.network.update(&conditions(state)) {
+            // Back to the network of the state that stays, if it had one.
+            let _ = self.bring_in_line();
+            return Err(refused);
+        }
         self.state.clone_from(state);
         self.readout.get_mut().valid = false;
         Ok(())
@@ -367,9 +363,4 @@ impl Failure {
         let start_s = start_ns as f64 * 1e-9;
         GridError::Step { start_s, offset_s: self.offset_s, step_s: self.step_s, reason: self.reason }
     }
-}
-
-/// The same angle in [-pi, pi]: angles turn for hours, and small ones are exact.
-pub(super) fn wrap(angle: f64) -> f64 {
-    if angle.abs() <= PI { angle } else { angle - TAU * (angle / TAU).round() }
 }

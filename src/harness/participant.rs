@@ -18,6 +18,11 @@ pub trait Participant {
         true
     }
 
+    /// What a state of this participant belongs to: equal for two whose states mean the same.
+    fn identity(&self) -> String {
+        String::new()
+    }
+
     /// fmi2SetupExperiment.
     fn setup(&mut self, start_ns: i64, stop_ns: Option<i64>) -> Result<(), CallError>;
     /// fmi2EnterInitializationMode.
@@ -66,6 +71,18 @@ pub trait Participant {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct StateHandle(pub(super) u64);
 
+/// How a call went wrong.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Trouble {
+    /// It was refused, by the participant or by this side.
+    #[default]
+    Refused,
+    /// The participant's process died of it.
+    Died,
+    /// There was no answer within the time limit, and the process was ended.
+    Hung,
+}
+
 /// A refused call: which function, what it returned, and what the FMU had to say.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CallError {
@@ -75,12 +92,19 @@ pub struct CallError {
     pub reason: String,
     /// The last lines of the participant's log, oldest first.
     pub log: Vec<String>,
+    /// Whether the participant still lives.
+    pub trouble: Trouble,
 }
 
 impl CallError {
     /// An error without log lines.
     pub fn new(function: &'static str, reason: impl Into<String>) -> Self {
-        Self { function, reason: reason.into(), log: Vec::new() }
+        Self { function, reason: reason.into(), log: Vec::new(), trouble: Trouble::Refused }
+    }
+
+    /// The same with these log lines.
+    pub(super) fn with_log(self, log: Vec<String>) -> Self {
+        Self { log, ..self }
     }
 }
 

@@ -90,15 +90,14 @@ fn page<M: Model>(model: &M, interface: Interface, papers: &Papers) -> Result<St
 /// The prose with the names as this interface spells them.
 fn filled<M: Model>(prose: &str, identifier: &str, registry: &Registry<M>, interface: Interface) -> String {
     let batteries = registry.group("omega_set").map_or(0, |(_, group)| group.len());
-    let (truth, switch) = match interface {
-        Interface::Structured => ("True", "enable"),
-        Interface::Portable => ("1.0", "enable"),
+    let truth = match interface {
+        Interface::Structured => "True",
+        Interface::Portable => "1.0",
     };
     let mut html = prose
         .replace("{{n}}", &batteries.to_string())
         .replace("{{file}}", &format!("{identifier}.fmu"))
-        .replace("{{true}}", truth)
-        .replace("{{enable}}", switch);
+        .replace("{{true}}", truth);
     for (_, group) in registry.groups() {
         for index in ["1", "i"] {
             let name = element(group.name, index, interface);

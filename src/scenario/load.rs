@@ -51,7 +51,7 @@ pub fn read(source: &Source, set: &Map<String, Value>) -> Result<Scenario, Scena
     let trailing = |e: serde_json::Error| trailing_error(&source.origin, &e);
     let parsed: Result<Value, serde_json::Error> = serde_json::from_str(&source.text);
     if let Ok(document) = &parsed
-        && document.get("extends").is_some_and(|base| !base.is_null())
+        && document.get(extends::KEY).is_some_and(|base| !base.is_null())
     {
         if let Some(error) = extends::check_patch(source) {
             return Err(document_error(&source.origin, &error));
@@ -67,6 +67,14 @@ pub fn read(source: &Source, set: &Map<String, Value>) -> Result<Scenario, Scena
 
 /// A whole document with changed keys as a scenario.
 fn typed(source: &Source, mut document: Value, set: &Map<String, Value>) -> Result<Scenario, ScenarioError> {
+    if let Some(base) = set.get(extends::KEY) {
+        return Err(ScenarioError::Value {
+            origin: source.origin.clone(),
+            path: extends::KEY.into(),
+            found: format!("{base} among the changed keys"),
+            expected: "it in a document: a base is merged in before keys are changed".into(),
+        });
+    }
     for (path, value) in set {
         replace(&mut document, path, value.clone()).map_err(|(found, expected)| ScenarioError::Value {
             origin: source.origin.clone(),

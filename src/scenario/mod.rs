@@ -4,6 +4,7 @@
 
 pub mod connection;
 pub mod document;
+pub mod equal_names;
 mod error;
 mod extends;
 pub mod fault;

@@ -38,16 +38,16 @@ addLoggerProxy(ctypes.byref(CALLBACKS))
 
 
 @functools.cache
-def described(folder):
+def described(folder, validate):
     """The description of an unpacked FMU, read once; whoever tests an FMU makes many instances of it."""
-    return read_model_description(folder)
+    return read_model_description(folder, validate=validate)
 
 
 class Fmu:
     """An instance, from instantiation to `close()`; also a context manager."""
 
-    def __init__(self, folder, name, guid=None):
-        self.description = described(str(folder))
+    def __init__(self, folder, name, guid=None, validate=True):
+        self.description = described(str(folder), validate)
         self.variables = {v.name: v for v in self.description.modelVariables}
         self.arrays = fold(self.variables)
         self.log_from = len(LOG)

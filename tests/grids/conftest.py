@@ -1,23 +1,25 @@
-"""The controller FMU, and pandapower's case57 made into an FMU once."""
+"""The controller FMU, unpacked, and pandapower's case57 made into an FMU once."""
 
 import os
 import pathlib
 import sys
 
+import fmpy
 import pytest
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-sys.path.insert(0, str(HERE))
+# An FMU in FMPy is the same here and there.
+sys.path[:0] = [str(HERE), str(ROOT / "tests/fmpy")]
 
 
 @pytest.fixture(scope="session")
-def controller_fmu():
-    """The controller of Case 1: seven batteries, droops of Table I."""
+def controller_fmu(tmp_path_factory):
+    """The folder of Case 1's controller: seven batteries, droops of Table I."""
     file = ROOT / "fmu/BessConsensus.fmu"
     if not file.is_file():
         pytest.exit("fmu/BessConsensus.fmu is missing: run `cargo xtask fmu` first", returncode=1)
-    return file
+    return fmpy.extract(file, tmp_path_factory.mktemp("controller"))
 
 
 @pytest.fixture(scope="session")

@@ -1,10 +1,7 @@
 """The controller FMU in FMPy, and what a settled loop is."""
 
-import shutil
-
-import fmpy
 import numpy
-from fmpy.fmi2 import FMU2Slave
+from fmus import Fmu
 
 MEASUREMENTS = ["P", "Q", "V", "omega", "E"]
 SETPOINTS = ["omega_set", "V_set", "P_set", "Q_set"]
@@ -14,66 +11,23 @@ SETPOINTS = ["omega_set", "V_set", "P_set", "Q_set"]
 SETTLED = 1e-5
 
 
-class Slave:
-    """One FMU in FMPy; variables are read and set by name."""
+class Controller(Fmu):
+    """BessConsensus.fmu; quantities are arrays over the batteries."""
 
-    def __init__(self, file, name):
-        self.folder = fmpy.extract(file)
-        description = fmpy.read_model_description(self.folder, validate=False)
-        self.variables = {v.name: v for v in description.modelVariables}
-        self.fmu = FMU2Slave(
-            guid=description.guid,
-            unzipDirectory=self.folder,
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName=name,
-        )
-        self.fmu.instantiate()
-
-    def references(self, names):
-        return [self.variables[name].valueReference for name in names]
-
-    def get(self, names):
-        return numpy.array(self.fmu.getReal(self.references(names)))
-
-    def set(self, names, values):
-        self.fmu.setReal(self.references(names), [float(value) for value in values])
-
-    def step(self, t, h):
-        self.fmu.doStep(currentCommunicationPoint=t, communicationStepSize=h)
-
-    def close(self):
-        self.fmu.terminate()
-        self.fmu.freeInstance()
-        shutil.rmtree(self.folder, ignore_errors=True)
-
-
-class Controller(Slave):
-    """BessConsensus.fmu, ready to step; quantities are arrays over the batteries."""
-
-    def __init__(self, file, **parameters):
-        super().__init__(file, "controller")
-        self.n = sum(name.startswith("P[") for name in self.variables)
-        self.fmu.setupExperiment(startTime=0.0)
-        for quantity, values in parameters.items():
-            self.set(self.names(quantity), values)
-        self.fmu.enterInitializationMode()
-
-    def names(self, quantity):
-        return [f"{quantity}[{i + 1}]" for i in range(self.n)]
+    def __init__(self, folder, **parameters):
+        super().__init__(folder, "controller")
+        self.setup(parameters)
 
     def start(self, measured):
         self.measure(measured)
-        self.fmu.exitInitializationMode()
+        self.ready()
 
     def measure(self, measured):
         for quantity in MEASUREMENTS:
-            self.set(self.names(quantity), measured[quantity])
+            self.set(quantity, measured[quantity])
 
     def setpoints(self):
-        return {quantity: self.get(self.names(quantity)) for quantity in SETPOINTS}
-
-    def enable(self):
-        self.fmu.setBoolean(self.references(["enable"]), [True])
+        return {quantity: self.get(quantity) for quantity in SETPOINTS}
 
 
 class Record:

@@ -15,7 +15,9 @@ H = 0.1
 # Errors decay with a time constant of 4 s here, so 20 s and more are left for each event.
 ENABLE, LOAD, STOP = 2.0, 32.0, 62.0  # s
 
-MISSED = "with the energy exchange on, K_P P is still 1.6e-5 apart after 25 s: P_set moves in steps of 100 ms. The bar is 1e-5"
+WHY = "with the energy exchange on, K_P P is still 1.6e-5 apart after 25 s: P_set moves in steps of 100 ms. The bar is 1e-5"
+# Strict: once the bar is met, this and docs/your-grid.md have to say so.
+MISSED = pytest.mark.xfail(raises=AssertionError, strict=True, reason=WHY)
 
 
 @pytest.fixture
@@ -39,17 +41,17 @@ def test_the_inverters_droop_as_the_controller_expects(grid):
     assert numpy.ptp(m["omega"]) < 1e-7
 
 
-@pytest.mark.parametrize("exchange", [False, pytest.param(True, marks=pytest.mark.xfail(reason=MISSED))])
+@pytest.mark.parametrize("exchange", [False, pytest.param(True, marks=MISSED)])
 def test_frequency_and_sharing_settle(grid, controller_fmu, exchange):
     start = {"omega_set_start": grid.omega_set, "V_set_start": grid.V_set}
     controller = Controller(controller_fmu, **start)
     if not exchange:
-        controller.set(["gain_E"], [0.0])
+        controller.set("gain_E", 0.0)
     controller.start(grid.measure())
     record = Record(andes_grid.K_P)
     for k in range(round(STOP / H)):
         if k == round(ENABLE / H):
-            controller.enable()
+            controller.set("enable", True)
         if k == round(LOAD / H):
             grid.add_load(12, -0.5, -0.5)
         setpoints, measured = controller.setpoints(), grid.measure()

@@ -9,9 +9,11 @@ import shutil
 import subprocess
 import sysconfig
 
+import fmpy
 import numpy
 import pytest
-from loop import SETTLED, Controller, Record, Slave
+from fmus import Fmu
+from loop import SETTLED, Controller, Record
 
 BUSES = [1, 2, 3, 6, 8, 9, 12]
 SHARES = numpy.array([1.0, 1.2, 1.25, 0.9, 0.95, 1.02, 1.1])
@@ -26,37 +28,41 @@ def names(quantity):
 
 
 def measure(grid):
+    def get(quantity):
+        return numpy.array(grid.get_all(names(quantity)))
+
     return {
-        "P": grid.get(names("P_MW")) / MVA,
-        "Q": grid.get(names("Q_Mvar")) / MVA,
-        "V": grid.get(names("v_kV")) / KV,
-        "omega": grid.get(names("f_Hz")) / HZ,
-        "E": grid.get(names("soc_percent")) / 100 * CAPACITY,
+        "P": get("P_MW") / MVA,
+        "Q": get("Q_Mvar") / MVA,
+        "V": get("v_kV") / KV,
+        "omega": get("f_Hz") / HZ,
+        "E": get("soc_percent") / 100 * CAPACITY,
     }
 
 
 def command(grid, setpoints):
-    grid.set(names("f_set_Hz"), setpoints["omega_set"] * HZ)
-    grid.set(names("v_set_kV"), setpoints["V_set"] * KV)
-    grid.set(names("P_ref_MW"), setpoints["P_set"] * MVA)
-    grid.set(names("Q_ref_Mvar"), setpoints["Q_set"] * MVA)
+    grid.set_all(names("f_set_Hz"), setpoints["omega_set"] * HZ)
+    grid.set_all(names("v_set_kV"), setpoints["V_set"] * KV)
+    grid.set_all(names("P_ref_MW"), setpoints["P_set"] * MVA)
+    grid.set_all(names("Q_ref_Mvar"), setpoints["Q_set"] * MVA)
 
 
 @pytest.fixture(scope="module")
-def in_fmpy(controller_fmu, pandapower_fmu):
+def in_fmpy(controller_fmu, pandapower_fmu, tmp_path_factory):
     """omega and K_P (P - P_set) over time, and the last measurements."""
-    grid, controller = Slave(pandapower_fmu, "grid"), Controller(controller_fmu)
-    grid.fmu.setupExperiment(startTime=0.0)
-    grid.fmu.enterInitializationMode()
+    unpacked = fmpy.extract(pandapower_fmu, tmp_path_factory.mktemp("grid"))
+    # PythonFMU lists no InitialUnknowns, which FMPy would mind.
+    grid, controller = Fmu(unpacked, "grid", validate=False), Controller(controller_fmu)
+    grid.setup()
     command(grid, controller.setpoints())
-    grid.fmu.exitInitializationMode()
+    grid.ready()
     controller.start(measure(grid))
     record = Record(K_P)
     for k in range(round(STOP / H) + 1):
         if k == round(ENABLE / H):
-            controller.enable()
+            controller.set("enable", True)
         if k == round(LOAD / H):
-            grid.set(["load_12.dP_MW", "load_12.dQ_Mvar"], [-50.0, -50.0])
+            grid.set_all(["load_12.dP_MW", "load_12.dQ_Mvar"], [-50.0, -50.0])
         setpoints = controller.setpoints()
         command(grid, setpoints)
         measured = measure(grid)
@@ -69,14 +75,23 @@ def in_fmpy(controller_fmu, pandapower_fmu):
     return record, measured
 
 
-@pytest.fixture(scope="module")
-def by_bess(bess, pandapower_fmu, tmp_path_factory):
-    """Folder of the results of `bess run` with Case57.fmu and the connection table."""
+@pytest.fixture(scope="module", autouse=True)
+def started(bess, pandapower_fmu, tmp_path_factory):
+    """`bess run` with Case57.fmu and the connection table, on its way beside FMPy's loop; and its folder."""
     folder = tmp_path_factory.mktemp("run")
     shutil.copy(pandapower_fmu, folder)
     shutil.copy(os.path.join(os.path.dirname(__file__), "scenario.json"), folder)
-    subprocess.run([bess, "run", "scenario.json", "-o", "out"], cwd=folder, env=environment(), check=True)
-    return folder / "out"
+    command = [bess, "run", "scenario.json", "-o", "out"]
+    with subprocess.Popen(command, cwd=folder, env=environment(), stdin=subprocess.DEVNULL) as process:
+        yield process, folder / "out"
+
+
+@pytest.fixture(scope="module")
+def by_bess(started):
+    """Folder of the results, complete."""
+    process, folder = started
+    assert process.wait() == 0
+    return folder
 
 
 def environment():

@@ -36,8 +36,9 @@ pub fn write(workspace: &Workspace) -> Result<(), Failure> {
 /// Has the root package's build script make the bindings, and reads them from its output folder.
 fn generate(workspace: &Workspace) -> Result<String, Failure> {
     let mut check = cargo(workspace);
-    check.args(["check", "--quiet", "--package", "bess-consensus", "--lib", "--no-default-features"]);
-    check.args(["--features", "bindgen", "--message-format", "json-render-diagnostics"]);
+    check.args(["check", "--quiet", "--release", "--package", "bess-consensus", "--lib"]);
+    check.args(["--no-default-features", "--features", "bindgen"]);
+    check.args(["--message-format", "json-render-diagnostics"]);
     let out = build_script_folder(&output(&mut check)?).ok_or_else(|| {
         Failure::Other("cargo reports no build script output for bess-consensus; see build.rs".into())
     })?;

@@ -23,7 +23,7 @@ pub enum Need {
     Libclang,
     /// Python 3.11 or later that can make virtual environments.
     Python,
-    /// A browser without a window.
+    /// A browser without a window, and what steers it.
     Chromium,
     /// Threading Building Blocks, which the master Ecos is linked with.
     Tbb,
@@ -49,7 +49,7 @@ impl Need {
             Need::Clippy => succeeds(Command::new("cargo").args(["clippy", "--version"])),
             Need::Libclang => std::env::var_os("LIBCLANG_PATH").is_some() || find_libclang(Path::new("/usr")),
             Need::Python => succeeds(Command::new("python3").args(["-c", PYTHON_IS_FIT])),
-            Need::Chromium => on_path("chromium").is_some(),
+            Need::Chromium => ["chromium", "chromedriver"].iter().all(|tool| on_path(tool).is_some()),
             Need::Tbb => find_library(Path::new("/usr"), "libtbb.so.12"),
             Need::CrossRust => platforms::compiles_for_all(),
             Need::Mingw => {
@@ -68,7 +68,7 @@ impl Need {
             Need::Rustfmt | Need::Clippy => &[],
             Need::Libclang => &["libclang-dev"],
             Need::Python => &["python3", "python3-venv"],
-            Need::Chromium => &["chromium"],
+            Need::Chromium => &["chromium", "chromium-driver"],
             Need::Tbb => &["libtbb12"],
             Need::CrossRust => &["rustc-web", "cargo-web", "rust-web-src"],
             Need::Mingw => &["gcc-mingw-w64-x86-64-posix"],
@@ -88,7 +88,7 @@ impl Need {
             Need::Python => {
                 format!("no python3 of 3.11 or later with venv: {}", install_line(self.packages()))
             }
-            Need::Chromium => format!("chromium is missing: {}", install_line(self.packages())),
+            Need::Chromium => format!("chromium or its driver is missing: {}", install_line(self.packages())),
             Need::Tbb => format!("libtbb.so.12 is missing: {}", install_line(self.packages())),
             Need::CrossRust => {
                 let targets = platforms::Platform::ALL.map(platforms::Platform::triple).join(" ");
@@ -190,7 +190,7 @@ mod tests {
 
     #[test]
     fn advice_names_the_tool_and_one_line_to_type() {
-        let advice = "chromium is missing: sudo apt-get install chromium";
+        let advice = "chromium or its driver is missing: sudo apt-get install chromium chromium-driver";
         assert_eq!(Need::Chromium.advice(), advice);
         assert!(Need::Clippy.advice().ends_with("rustup component add clippy"));
     }

@@ -57,7 +57,7 @@ enum Task {
     Wheel,
     /// Build, pack, and couple controller and grid in a scenario; the results go to results/SCENARIO/.
     Run {
-        /// Built-in name (case1 to case4) or path of a scenario file.
+        /// Built-in name (case1 to case4, plug_and_play, voltage, energy) or path of a scenario file.
         #[arg(default_value = "case1")]
         scenario: PathBuf,
         /// Passed on to `bess run`.

@@ -6,7 +6,16 @@ use crate::{
     process::{command, output, run},
     workspace::Workspace,
 };
-use std::path::PathBuf;
+use std::{path::PathBuf, process::Command};
+
+/// pytest for `tests/SUITE`, in the virtual environment for the suite named first.
+pub fn tests(workspace: &Workspace, of: &str, suite: &str) -> Result<Command, Failure> {
+    let mut test = command(workspace, environment(workspace, of)?);
+    // Where the built `bess` and the libraries are, for the tests that look at them.
+    test.env("BESS_RELEASE_DIR", workspace.release());
+    test.args(["-m", "pytest", "-ra"]).arg(format!("tests/{suite}"));
+    Ok(test)
+}
 
 /// The interpreter of the virtual environment for `tests/SUITE` (`fmpy`, or `masters/cofmupy` for a part of a
 /// suite), with everything installed that `tests/SUITE/requirements.txt` pins. Suites are apart, because the
@@ -32,7 +41,9 @@ pub fn environment_of(workspace: &Workspace, folder: &str, name: &str) -> Result
     run(command(workspace, "python3").args(["-m", "venv", "--clear"]).arg(&folder))?;
     let mut pip = command(workspace, &python);
     pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-input"]);
-    run(pip.args(["--only-binary=:all:", "--require-hashes", "-r"]).arg(&requirements))?;
+    // Python compiles what it imports; most of what the big packages bring it never does.
+    pip.args(["--no-compile", "--only-binary=:all:", "--require-hashes", "-r"]);
+    run(pip.arg(&requirements))?;
     // Written last: half an installation is made anew.
     std::fs::write(&stamp, wanted).map_err(Failure::file("write", &stamp))?;
     Ok(python)

@@ -12,12 +12,7 @@ use crate::{
     workspace::Workspace,
 };
 use clap::ValueEnum;
-use std::{
-    io::IsTerminal,
-    path::Path,
-    process::{Command, ExitCode},
-    time::Instant,
-};
+use std::{io::IsTerminal, path::Path, process::ExitCode, time::Instant};
 
 /// The cases of the paper, each run and its report looked at.
 const CASES: [&str; 4] = ["case1", "case2", "case3", "case4"];
@@ -105,21 +100,23 @@ impl Stage {
         };
         match self {
             Stage::Fmt => start(&mut cargo("fmt --all --check")),
-            Stage::Clippy => start(&mut cargo("clippy --workspace --all-targets -- -D warnings")),
-            // In release, so that the dependencies are built once for tests and FMUs, and the tests see the
-            // numbers that users get.
+            // All in release, so that macros, build scripts and dependencies are built once for lints, tests and
+            // FMUs, and the tests see the numbers that users get.
+            Stage::Clippy => start(&mut cargo("clippy --release --workspace --all-targets -- -D warnings")),
             Stage::Rust => start(&mut cargo("test --release --workspace")),
-            Stage::Doc => start(cargo("doc --workspace --no-deps").env("RUSTDOCFLAGS", "-D warnings")),
+            Stage::Doc => {
+                start(cargo("doc --release --workspace --no-deps").env("RUSTDOCFLAGS", "-D warnings"))
+            }
             Stage::Bindings => bindings::check(workspace),
             Stage::Fmu => fmu::build_and_pack(workspace),
-            Stage::Fmpy => start(tests_in_python(workspace, "fmpy")?.args(pytest)),
+            Stage::Fmpy => start(python::tests(workspace, "fmpy", "fmpy")?.args(pytest)),
             Stage::Masters => {
                 // CoFmuPy wants another FMPy than the rest.
                 let cofmupy = python::environment(workspace, "masters/cofmupy")?;
-                let mut test = tests_in_python(workspace, "masters")?;
+                let mut test = python::tests(workspace, "masters", "masters")?;
                 start(test.env("BESS_COFMUPY_PYTHON", cofmupy).args(pytest))
             }
-            Stage::Grids => start(tests_in_python(workspace, "grids")?.args(pytest)),
+            Stage::Grids => start(python::tests(workspace, "grids", "grids")?.args(pytest)),
             Stage::Run => CASES.iter().try_for_each(|case| scenario::run(workspace, Path::new(case), &[])),
             Stage::Browser => CASES.iter().try_for_each(|case| {
                 let report = Path::new(&scenario::results(Path::new(case))?).join("report.html");
@@ -129,15 +126,6 @@ impl Stage {
             Stage::Wheel => platforms::test_wheel(workspace, pytest),
         }
     }
-}
-
-/// pytest for `tests/SUITE` in its own virtual environment.
-fn tests_in_python(workspace: &Workspace, suite: &str) -> Result<Command, Failure> {
-    let mut test = command(workspace, python::environment(workspace, suite)?);
-    // Where the built `bess` and the libraries are, for the tests that look at them.
-    test.env("BESS_RELEASE_DIR", workspace.release());
-    test.args(["-m", "pytest", "-ra"]).arg(format!("tests/{suite}"));
-    Ok(test)
 }
 
 /// Runs the stages named (all, if none is) and those they need; prints the table.

@@ -1,8 +1,8 @@
 //! The scenario's trials: each is run beside the scenario, and becomes a row of the table of faults.
 
 use super::super::{Failure, ScenarioArgs};
-use super::record::{Record, record};
-use crate::harness::Cast;
+use super::record::{How, Record, record};
+use crate::harness::{Cast, HarnessError};
 use crate::report::{Agents, FaultRow, FaultWindow, KeptLimits, fault_lines, fault_row};
 use crate::scenario::Resolved;
 use crate::scenario::fault::Trial;
@@ -42,16 +42,18 @@ pub fn own_row(resolved: &Resolved, run: &Record, agents: &Agents) -> Result<Opt
 /// Runs a trial.
 pub fn run_trial(
     trial: &Trial,
-    resolved: &Resolved,
-    cast: &Cast,
+    (resolved, cast): (&Resolved, &Cast),
     agents: &Agents,
-    quiet: bool,
+    how: &How<'_>,
 ) -> Result<FaultRow, Failure> {
-    let run = record(resolved, cast, None, quiet).map_err(|error| {
-        let mut failure = super::failed(error);
-        failure.report = failure.report.wrap_err(format!("trial \"{}\"", trial.label));
-        failure
-    })?;
+    let failed = |error: &HarnessError| {
+        let failure = super::failed(error);
+        Failure { report: failure.report.wrap_err(format!("trial \"{}\"", trial.label)), ..failure }
+    };
+    let run = record(resolved, cast, how).map_err(|error| failed(&error))?;
+    if let Some(error) = &run.ended {
+        return Err(failed(error));
+    }
     let window = FaultWindow {
         label: trial.label.clone(),
         from_s: trial.from_s,

@@ -2,6 +2,7 @@
 
 use super::super::Failure;
 use super::comparison::{self, Compared, Row};
+use super::ended::Ended;
 use super::record::Record;
 use super::sections::{certificates, communication, figures_of_paper, side_by_side};
 use crate::report::{
@@ -39,6 +40,10 @@ pub struct Results {
     pub eta: Option<String>,
     /// What goes wrong, line by line; empty without faults.
     pub faults: Vec<FaultRow>,
+    /// Where an interrupted run was resumed, s; wall time and real-time factor count from there.
+    pub resumed_at_s: Option<f64>,
+    /// What ended the run too early; all figures are of the time before.
+    pub ended: Option<Ended>,
     #[serde(skip)]
     agents: Agents,
     #[serde(skip)]
@@ -58,7 +63,12 @@ pub struct VariantResults {
 
 impl Results {
     /// Sums up the run and its variants.
-    pub fn new(resolved: &Resolved, main: &Record, compared: &[Compared]) -> Result<Self, Failure> {
+    pub fn new(
+        resolved: &Resolved,
+        main: &Record,
+        compared: &[Compared],
+        ended: Option<Ended>,
+    ) -> Result<Self, Failure> {
         let n = resolved.control.agents();
         let agents = Agents {
             names: (0..n).map(|i| resolved.bess_name(i)).collect(),
@@ -85,16 +95,22 @@ impl Results {
             if let Some(phase) = first(&own) {
                 rows.push(comparison::row("as given", resolved, resolved, main, &agents, &phase)?);
             }
-            for (c, v) in compared.iter().zip(&variants) {
+            for (k, (c, v)) in compared.iter().zip(&variants).enumerate() {
                 if let Some(phase) = first(&v.phases) {
-                    rows.push(comparison::row(&c.label, resolved, &c.resolved, &c.record, &agents, &phase)?);
+                    let mut row =
+                        comparison::row(&c.label, resolved, &c.resolved, &c.record, &agents, &phase)?;
+                    row.run = k + 1;
+                    rows.push(row);
                 }
             }
             rows
         };
         Ok(Self {
             scenario: resolved.scenario.name.clone(),
-            simulated_s: resolved.scenario.stop_s,
+            simulated_s: match &main.ended {
+                Some(_) => main.time_s().last().copied().unwrap_or(0.0),
+                None => resolved.scenario.stop_s,
+            },
             step_s: resolved.scenario.step_s,
             wall_s: main.outcome.total.as_secs_f64(),
             real_time_factor: main.real_time_factor(),
@@ -104,6 +120,8 @@ impl Results {
             eta: comparison::eta_verdict(&side_by_side),
             side_by_side,
             faults: Vec::new(),
+            resumed_at_s: main.resumed_at_s(),
+            ended,
             agents,
             events,
             options,
@@ -143,7 +161,8 @@ impl Results {
         main: &Record,
         compared: &[Compared],
     ) -> Result<Report, Failure> {
-        let mut sections = vec![Section {
+        let mut sections: Vec<Section> = self.ended.iter().map(Ended::section).collect();
+        sections.push(Section {
             heading: "Figures of the run".into(),
             text: format!(
                 "{} s simulated in {:.3} s, {:.0} times faster than real time, with a communication step of \
@@ -151,7 +170,7 @@ impl Results {
                 self.simulated_s, self.wall_s, self.real_time_factor, self.step_s, self.worst_sum_of_P_set
             ),
             items: vec![phase_table(&self.phases, &self.agents, &self.options)],
-        }];
+        });
         if self.side_by_side.len() > 1 {
             sections.push(side_by_side(&self.side_by_side, &self.agents, &self.events, main, compared)?);
         }
@@ -181,17 +200,15 @@ impl Results {
         Ok(Report {
             title: resolved.scenario.name.clone(),
             subtitle: resolved.scenario.description.clone(),
-            status: Some(Status {
-                good: self.settled(),
-                text: if self.settled() {
-                    "Settled after every event"
-                } else {
-                    "Not settled after every event"
-                }
-                .into(),
-            }),
+            status: Some(self.ended.as_ref().map_or_else(|| self.status(), Ended::status)),
             sections,
         })
+    }
+
+    fn status(&self) -> Status {
+        let text =
+            if self.settled() { "Settled after every event" } else { "Not settled after every event" }.into();
+        Status { good: self.settled(), text }
     }
 
     fn states(&self, heading: &str, record: &Record) -> Result<Section, Failure> {

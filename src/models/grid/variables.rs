@@ -85,11 +85,11 @@ fn inputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
 fn outputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
     let network = || Dependencies::All(&["V_set", "Q_set", "dP_load", "dQ_load", "tie_closed"]);
     vec![
-        output("P", "Measured active power", |m: &Grid, i| m.planes.get(|g| g.P(i), |d| d.P[i]))
+        output("P", "Measured active power", |m: &Grid, i| m.planes.get(|g| g.P(i), |d| d.P(i)))
             .each(n)
             .unit(Unit::PerUnit),
         output("Q", "Measured reactive power, inductive positive", |m: &Grid, i| {
-            m.planes.get(|g| g.Q(i), |d| d.Q[i])
+            m.planes.get(|g| g.Q(i), |d| d.Q(i))
         })
         .each(n)
         .unit(Unit::PerUnit),
@@ -103,7 +103,7 @@ fn outputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
         .each(n)
         .unit(Unit::PerUnit)
         .follows(Dependencies::SameIndex(&["omega_set", "P_set"])),
-        output("E", "Stored energy", |m: &Grid, i| m.planes.get(|g| g.E(i), |d| d.E[i]))
+        output("E", "Stored energy", |m: &Grid, i| m.planes.get(|g| g.E(i), |d| d.E(i)))
             .each(n)
             .unit(Unit::PerUnitHour),
         output("bus_V", "Voltage magnitude, by position of the bus", |m: &Grid, b| {
