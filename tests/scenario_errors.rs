@@ -235,5 +235,8 @@ fn every_built_in_scenario_resolves_with_its_variants() {
         for variant in &resolved.scenario.compare {
             Resolved::of(&resolved.source, &variant.set).map_err(|e| format!("{name}: {e}")).unwrap();
         }
+        for trial in &resolved.scenario.trials {
+            Resolved::of(&resolved.source, &trial.set).map_err(|e| format!("{name}: {e}")).unwrap();
+        }
     }
 }

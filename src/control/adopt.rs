@@ -113,12 +113,14 @@ impl Controller {
     pub(super) fn rebuild(&mut self) -> Topology {
         let adopted = &self.state.adopted;
         let mut topology = self.topologies.build(adopted.topology, &adopted.available);
-        self.network = Network::new(std::mem::take(&mut topology.graph));
+        let graph = std::mem::take(&mut topology.graph);
+        self.network = Network::new(graph).sorting_out(self.fixed.outlier_filter);
         self.scratch.wave = Wave::new(&self.network);
         let edges = self.network.graph.edges().len();
         self.scratch.flows = vec![0.0; edges];
         self.scratch.transfers = vec![0.0; edges];
-        self.scratch.received_ns = vec![i64::MIN; if self.fixed.channel.is_lossy() { 2 * edges } else { 0 }];
+        let keeps_times = self.fixed.channel.keeps_times(self.fixed.silence_ns);
+        self.scratch.received_ns = vec![i64::MIN; if keeps_times { 2 * edges } else { 0 }];
         self.state.outputs.cluster.copy_from_slice(&topology.cluster);
         self.spectrum.tuning = None;
         std::mem::replace(&mut self.topology, topology)
@@ -199,7 +201,7 @@ impl Controller {
 
     fn tune_network(&mut self) {
         let tuning = self.tuning();
-        self.network.set_delay(nanoseconds(tuning.delay), &self.fixed.channel);
+        self.network.set_delay(nanoseconds(tuning.delay), &self.fixed.channel, self.fixed.silence_ns);
         if self.spectrum.tuning == Some(tuning) {
             return;
         }

@@ -26,7 +26,7 @@ pub enum Quantity {
 }
 
 /// Number of quantities.
-const QUANTITIES: usize = 7;
+pub(super) const QUANTITIES: usize = 7;
 /// The slot number of the present values, which are not in the ring yet.
 const PRESENT: u32 = u32::MAX;
 /// Upper bound of the stored values of all slots together; the number of slots follows from it.

@@ -9,7 +9,7 @@ use super::discretisation::{Flow, SignPower, boundary_layer};
 use super::estimator::estimates;
 use super::exchange::{HeldLink, setpoints};
 use super::lag::{Lag, no_load};
-use super::network::Lateness;
+use super::network::{Hearing, Lateness};
 use super::protocol::{View, active_power, average_voltage, energy, frequency, reactive_power, voltage};
 use super::scalar::Scalar;
 use super::time::seconds;
@@ -42,11 +42,19 @@ impl Controller {
     pub(super) fn evaluate(&mut self, now_ns: i64, h_ns: i64) {
         let h_s = seconds(h_ns);
         self.measure(now_ns);
+        self.find_faulty(now_ns);
+        let mut told = std::mem::take(&mut self.scratch.told);
+        self.tell_instead((now_ns, 0.0), &self.scratch.signals, &mut told);
+        self.scratch.told = told;
         let clock = self.state.clock;
         self.network.listen(
             &self.state.history,
             (now_ns, clock.samples),
-            &self.fixed.channel,
+            Hearing {
+                channel: &self.fixed.channel,
+                silence_ns: self.fixed.silence_ns,
+                mute: &self.scratch.mute,
+            },
             &self.state.received_ns,
             &mut self.scratch.received_ns,
         );
@@ -55,6 +63,7 @@ impl Controller {
             self.laws(h_s);
             self.limit(h_s);
             self.exchange(h_ns);
+            self.hold_frozen();
         } else {
             for i in 0..self.agents() {
                 self.rest(i);
@@ -183,6 +192,7 @@ impl Controller {
             network: &self.network,
             history: &self.state.history,
             signals: &self.scratch.signals,
+            told: self.scratch.told(),
             late: Lateness::default(),
         };
         let dispatch = inputs.dispatch.then_some(inputs.P_ref);
@@ -194,6 +204,7 @@ impl Controller {
             network: &self.network,
             history: &self.state.history,
             signals: &self.scratch.signals,
+            told: self.scratch.told(),
             late: Lateness::default(),
         };
         frequency(view, &flow_omega, &outputs.u_P, inputs.omega_ref, &mut outputs.u_omega);
@@ -235,7 +246,7 @@ impl Controller {
         self.exchange_of(self.power(), theta_s, h_ns).flows(
             &self.network,
             &self.state.history,
-            &self.scratch.signals,
+            self.scratch.told(),
             &self.state.flows,
             &mut flows,
             &mut saturated,

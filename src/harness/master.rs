@@ -85,6 +85,9 @@ pub fn run_from(
             run.outcome.warnings.push(format!("{}: {error}", participant.name()));
         }
     }
+    for participant in participants.iter_mut() {
+        run.outcome.warnings.extend(participant.take_warnings());
+    }
     let finished = observer.finish(result.as_ref().err());
     if let (Ok(()), Err(error)) = (&result, finished) {
         result = Err(error.into());

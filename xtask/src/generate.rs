@@ -19,6 +19,8 @@ pub enum Generated {
     Icons,
     /// src/package/licenses/Bess*.txt, from cargo's dependency tree.
     Licenses,
+    /// docs/mistakes.md, by making every mistake.
+    Mistakes,
     /// modelDescription/*.xml, out of the packed FMUs.
     ModelDescription,
     /// schema/scenario.schema.json, from `bess schema`.
@@ -38,6 +40,11 @@ pub fn run(workspace: &Workspace, what: &[Generated]) -> Result<(), Failure> {
     }
     if wanted(Generated::Licenses) {
         licenses::write(workspace)?;
+    }
+    if wanted(Generated::Mistakes) {
+        let mut test = cargo(workspace);
+        test.args(["test", "--quiet", "--release", "--test", "mistakes"]);
+        start(test.env("BESS_WRITE_MISTAKES", "1"))?;
     }
     if wanted(Generated::ModelDescription) || wanted(Generated::Schema) {
         fmu::build_and_pack(workspace)?;

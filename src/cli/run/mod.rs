@@ -3,6 +3,7 @@
 mod comparison;
 mod console;
 mod ended;
+mod faults;
 mod isolate;
 mod record;
 mod results;
@@ -71,6 +72,7 @@ pub struct RunArgs {
 pub fn run(args: &RunArgs) -> Result<(), Failure> {
     let resolved = args.scenario.resolve()?;
     let variants = if args.no_report { Vec::new() } else { variants(args, &resolved)? };
+    let trials = faults::trials(&args.scenario, &resolved)?;
     let folder = args.output.clone().unwrap_or_else(|| results_folder(&resolved.scenario.name));
     let cast = cast(args, &resolved);
     let isolation = if args.isolate { Some(isolate::isolation(args.call_limit)?) } else { None };
@@ -104,12 +106,19 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
         }
     }
     let (ended, failure) = ended.unzip();
-    let results = results::Results::new(&resolved, &main, &compared, ended)?;
+    let mut results = results::Results::new(&resolved, &main, &compared, ended)?;
+    if failure.is_none() {
+        results.faults.extend(faults::own_row(&resolved, &main, results.agents())?);
+        for (trial, resolved) in &trials {
+            let cast = Cast { controller: Cast::of(resolved).controller, ..self::cast(args, resolved) };
+            results.faults.push(faults::run_trial(trial, (resolved, &cast), results.agents(), &alone)?);
+        }
+    }
     results.write_summary(&folder.join("summary.json"))?;
     if !args.no_report {
         write(&results.report(&resolved, &main, &compared)?, &folder)?;
     }
-    for warning in &main.outcome.warnings {
+    for warning in unlikely(&resolved).iter().chain(&main.outcome.warnings) {
         eprintln!("warning: {warning}");
     }
     if let Some(failure) = failure {
@@ -170,6 +179,40 @@ fn variants(args: &RunArgs, resolved: &Resolved) -> Result<Vec<(String, Resolved
     };
     resolved.scenario.compare.iter().map(of).collect()
 }
+
+/// What is allowed, but hardly what anybody wants.
+fn unlikely(resolved: &Resolved) -> Vec<String> {
+    let scenario = &resolved.scenario;
+    let mut warnings = Vec::new();
+    let fed = |wire: &scenario::connection::Wire| wire.to == "controller.enable";
+    if results::enabled_from(resolved).is_infinite() && !resolved.wires.iter().any(fed) {
+        warnings.push(
+            "controller.enable is never true: the controller holds its setpoints throughout; set it in `initial` \
+             or by an event"
+                .into(),
+        );
+    }
+    for (k, event) in scenario.events.iter().enumerate().filter(|(_, event)| event.at_s > scenario.stop_s) {
+        let (at_s, stop_s) = (event.at_s, scenario.stop_s);
+        warnings.push(format!("events[{k}] at {at_s} s never happens: the run ends at stop_s = {stop_s} s"));
+    }
+    for (k, fault) in scenario.faults.iter().enumerate().filter(|(_, fault)| fault.from_s > scenario.stop_s) {
+        let (from_s, stop_s) = (fault.from_s, scenario.stop_s);
+        warnings
+            .push(format!("faults[{k}] from {from_s} s never happens: the run ends at stop_s = {stop_s} s"));
+    }
+    if scenario.step_s > LONG_STEP_S {
+        warnings.push(format!(
+            "step_s = {} s: the controller acts once in a step, and a grid answers within fractions of a second; \
+             expected 0.01 to {LONG_STEP_S} s",
+            scenario.step_s
+        ));
+    }
+    warnings
+}
+
+/// Steps beyond this are likely meant as milliseconds, s.
+const LONG_STEP_S: f64 = 1.0;
 
 /// A run that could not start because of what the user gave ends with code 2, one that broke with code 1, one whose FMU
 /// took its own process down with code 3.
