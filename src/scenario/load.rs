@@ -103,7 +103,16 @@ fn document_error<E: std::fmt::Display>(
 ) -> ScenarioError {
     let path = error.path().to_string();
     let path = if path == "." { "the document".into() } else { path };
-    ScenarioError::Document { origin: origin.into(), path, problem: error.inner().to_string() }
+    ScenarioError::Document { origin: origin.into(), path, problem: in_words(&error.inner().to_string()) }
+}
+
+/// JSON knows numbers, and a user of JSON knows no names of Rust's types.
+fn in_words(problem: &str) -> String {
+    let mut words = problem.to_owned();
+    for (name, meaning) in [("f64", "a number"), ("u64", "a whole number"), ("u32", "a whole number")] {
+        words = words.replace(&format!("expected {name}"), &format!("expected {meaning}"));
+    }
+    words
 }
 
 fn trailing_error(origin: &str, error: &serde_json::Error) -> ScenarioError {

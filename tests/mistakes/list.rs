@@ -96,7 +96,7 @@ pub const MISTAKES: &[Mistake] = &[
     Mistake {
         title: "A bus that the case does not have",
         files: &[],
-        command: "bess run case1 --set bess[2].bus=58",
+        command: "bess run case1 --set 'bess[2].bus=58'",
         code: 2,
         says: &["bess[2].bus", "58"],
         mend: "Buses go by the numbers of the case (first column of `mpc.bus`), not by their positions.",
@@ -104,7 +104,7 @@ pub const MISTAKES: &[Mistake] = &[
     Mistake {
         title: "Two batteries at one bus",
         files: &[],
-        command: "bess run case1 --set bess[1].bus=1",
+        command: "bess run case1 --set 'bess[1].bus=1'",
         code: 2,
         says: &["bess[1].bus", "1"],
         mend: "Give each battery a bus of its own; two at one bus are one with both their capacities.",
@@ -112,7 +112,7 @@ pub const MISTAKES: &[Mistake] = &[
     Mistake {
         title: "Counting from 1 in a path",
         files: &[],
-        command: "bess run case1 --set bess[7].K_P=0.004",
+        command: "bess run case1 --set 'bess[7].K_P=0.004'",
         code: 2,
         says: &["bess[7]", "0 to 6"],
         mend: "Places in a JSON list count from 0: the seventh battery is `bess[6]`. Variables count from 1: its power is \
@@ -121,7 +121,7 @@ pub const MISTAKES: &[Mistake] = &[
     Mistake {
         title: "The state of charge in percent",
         files: &[],
-        command: "bess run case1 --set bess[0].soc_start=70",
+        command: "bess run case1 --set 'bess[0].soc_start=70'",
         code: 2,
         says: &["bess[0].soc_start", "70", "0 to 1"],
         mend: "Write 0.7.",
@@ -170,7 +170,7 @@ pub const MISTAKES: &[Mistake] = &[
     Mistake {
         title: "A list for another number of batteries",
         files: &[],
-        command: "bess run case1 --set communication.distance={\"given\":[[0,1],[1,0]]}",
+        command: "bess run case1 --set 'communication.distance={\"given\":[[0,1],[1,0]]}'",
         code: 2,
         says: &["communication.distance.given", "2", "7"],
         mend: "A distance matrix has a row and a column for each battery, in their order.",
@@ -178,7 +178,7 @@ pub const MISTAKES: &[Mistake] = &[
     Mistake {
         title: "A unit that nobody knows",
         files: &[],
-        command: "bess run case1 --set connections=[{\"from\":\"grid.P[{i}]\",\"to\":\"controller.P[{i}]\",\"from_unit\":\"Megawatt\"}]",
+        command: "bess run case1 --set 'connections=[{\"from\":\"grid.P[{i}]\",\"to\":\"controller.P[{i}]\",\"from_unit\":\"Megawatt\"}]'",
         code: 2,
         says: &["connections[0].from_unit", "Megawatt", "MW"],
         mend: "Write one of the list; what is missing there can be said by `factor`.",
@@ -186,7 +186,7 @@ pub const MISTAKES: &[Mistake] = &[
     Mistake {
         title: "A connection to a variable that is not there",
         files: &[],
-        command: "bess run case1 --set connections=[{\"from\":\"grid.p[1]\",\"to\":\"controller.P[1]\"}]",
+        command: "bess run case1 --set 'connections=[{\"from\":\"grid.p[1]\",\"to\":\"controller.P[1]\"}]'",
         code: 2,
         says: &["grid.p[1]", "p[1]", "P[1]"],
         mend: "Upper and lower case count. `bess check MyGrid.fmu` lists the variables of an FMU.",
@@ -194,23 +194,37 @@ pub const MISTAKES: &[Mistake] = &[
     Mistake {
         title: "An event on a variable that is not there",
         files: &[],
-        command: "bess run case1 --set events=[{\"at_s\":50,\"set\":{\"grid.dP_lod[12]\":-0.5}}]",
+        command: "bess run case1 --set 'events=[{\"at_s\":50,\"set\":{\"grid.dP_lod[12]\":-0.5}}]'",
         code: 2,
         says: &["50", "dP_lod[12]", "dP_load[12]"],
         mend: "Take the name that is offered.",
     },
     Mistake {
         title: "An event after the end",
-        files: &[],
-        command: "bess run case1 --quiet --no-report --set stop_s=30",
+        files: &[(
+            "mine.json",
+            Content::Text(
+                r#"{
+  "extends": "case1",
+  "name": "mine",
+  "events": [
+    { "at_s": 20, "label": "on", "set": { "controller.enable": true } },
+    { "at_s": 50000, "label": "load", "set": { "grid.dP_load[12]": -0.5 } }
+  ],
+  "compare": null
+}"#,
+            ),
+        )],
+        command: "bess run mine.json --quiet --no-report",
         code: 0,
-        says: &["warning", "events[1]", "50", "30"],
-        mend: "Make `stop_s` larger, or move the event: times are seconds.",
+        says: &["warning", "events[1]", "50000", "120"],
+        mend: "Make `stop_s` larger, or move the event: times are seconds. (A run that is cut short with `--set stop_s=30` is \
+               not warned about.)",
     },
     Mistake {
         title: "The controller is never enabled",
         files: &[],
-        command: "bess run case1 --quiet --no-report --set stop_s=10 --set events=[]",
+        command: "bess run case1 --quiet --no-report --set stop_s=10 --set 'events=[]'",
         code: 0,
         says: &["warning", "controller.enable", "initial"],
         mend: "Add `\"initial\": { \"controller.enable\": true }`, or an event that sets it.",
@@ -274,7 +288,7 @@ pub const MISTAKES: &[Mistake] = &[
     Mistake {
         title: "A fault without its number",
         files: &[],
-        command: "bess run case1 --set faults=[{\"kind\":\"drift\",\"signal\":\"P[3]\",\"from_s\":30}]",
+        command: "bess run case1 --set 'faults=[{\"kind\":\"drift\",\"signal\":\"P[3]\",\"from_s\":30}]'",
         code: 2,
         says: &["faults[0].rate_per_s", "drift"],
         mend: "Each kind has its own keys: [faults.md](faults.md).",

@@ -118,7 +118,7 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     if !args.no_report {
         write(&results.report(&resolved, &main, &compared)?, &folder)?;
     }
-    for warning in unlikely(&resolved).iter().chain(&main.outcome.warnings) {
+    for warning in unlikely(args, &resolved).iter().chain(&main.outcome.warnings) {
         eprintln!("warning: {warning}");
     }
     if let Some(failure) = failure {
@@ -181,8 +181,11 @@ fn variants(args: &RunArgs, resolved: &Resolved) -> Result<Vec<(String, Resolved
 }
 
 /// What is allowed, but hardly what anybody wants.
-fn unlikely(resolved: &Resolved) -> Vec<String> {
+fn unlikely(args: &RunArgs, resolved: &Resolved) -> Vec<String> {
     let scenario = &resolved.scenario;
+    // Who ends a run sooner on the command line knows what is cut off.
+    let end_s =
+        if args.scenario.assignments().contains_key("stop_s") { f64::INFINITY } else { scenario.stop_s };
     let mut warnings = Vec::new();
     let fed = |wire: &scenario::connection::Wire| wire.to == "controller.enable";
     if results::enabled_from(resolved).is_infinite() && !resolved.wires.iter().any(fed) {
@@ -192,11 +195,11 @@ fn unlikely(resolved: &Resolved) -> Vec<String> {
                 .into(),
         );
     }
-    for (k, event) in scenario.events.iter().enumerate().filter(|(_, event)| event.at_s > scenario.stop_s) {
+    for (k, event) in scenario.events.iter().enumerate().filter(|(_, event)| event.at_s > end_s) {
         let (at_s, stop_s) = (event.at_s, scenario.stop_s);
         warnings.push(format!("events[{k}] at {at_s} s never happens: the run ends at stop_s = {stop_s} s"));
     }
-    for (k, fault) in scenario.faults.iter().enumerate().filter(|(_, fault)| fault.from_s > scenario.stop_s) {
+    for (k, fault) in scenario.faults.iter().enumerate().filter(|(_, fault)| fault.from_s > end_s) {
         let (from_s, stop_s) = (fault.from_s, scenario.stop_s);
         warnings
             .push(format!("faults[{k}] from {from_s} s never happens: the run ends at stop_s = {stop_s} s"));
