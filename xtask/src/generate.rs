@@ -6,6 +6,7 @@ use crate::{
     fmu::{self, CONTROLLER, GRID},
     licenses,
     process::{cargo, command, output, run as start},
+    supply,
     workspace::Workspace,
 };
 use clap::ValueEnum;
@@ -19,6 +20,8 @@ pub enum Generated {
     Icons,
     /// src/package/licenses/Bess*.txt, from cargo's dependency tree.
     Licenses,
+    /// src/package/sbom/*.cdx.json, from cargo's dependency tree and Cargo.lock.
+    Sbom,
     /// modelDescription/*.xml, out of the packed FMUs.
     ModelDescription,
     /// schema/scenario.schema.json, from `bess schema`.
@@ -38,6 +41,9 @@ pub fn run(workspace: &Workspace, what: &[Generated]) -> Result<(), Failure> {
     }
     if wanted(Generated::Licenses) {
         licenses::write(workspace)?;
+    }
+    if wanted(Generated::Sbom) {
+        supply::write_sbom(workspace)?;
     }
     if wanted(Generated::ModelDescription) || wanted(Generated::Schema) {
         fmu::build_and_pack(workspace)?;

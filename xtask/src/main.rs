@@ -13,6 +13,7 @@ mod process;
 mod python;
 mod scenario;
 mod stages;
+mod supply;
 mod table;
 mod workspace;
 
@@ -40,6 +41,7 @@ const EXAMPLES: &str = "Examples:
   cargo xtask test --only fmpy -- -k reset  one stage, with arguments for pytest
   cargo xtask bench                         speed against the bars, target/bench/summary.json
   cargo xtask bench --only power-flow       one family of its rows
+  cargo xtask reproduce                     the libraries once more, in other folders: the same bytes?
   cargo xtask generate schema               write schema/scenario.schema.json anew";
 
 #[derive(Subcommand)]
@@ -88,6 +90,12 @@ enum Task {
         #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=1000))]
         runs: u32,
     },
+    /// Build the FMUs' libraries a second time, in other folders, and compare: every byte must be the same.
+    Reproduce {
+        /// Only this library: BessConsensus or BessGrid.
+        #[arg(value_parser = ["BessConsensus", "BessGrid"], value_name = "LIBRARY")]
+        library: Option<String>,
+    },
     /// Write anew the generated files that are checked in.
     Generate {
         /// Only these.
@@ -120,6 +128,7 @@ fn dispatch(task: Task) -> Result<ExitCode, Failure> {
         }
         Task::Test { only, pytest } => return stages::run(&workspace, &only, pytest),
         Task::Bench { only, runs } => bench::run(&workspace, runs, &only)?,
+        Task::Reproduce { library } => supply::reproduce(&workspace, library.as_deref())?,
         Task::Generate { what } => generate::run(&workspace, &what)?,
     }
     Ok(ExitCode::SUCCESS)
