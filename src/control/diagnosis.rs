@@ -1,10 +1,14 @@
-//! Spreads, errors and norms of the agents' signals, gathered chunk by chunk of [`CHUNK`] agents, so that it does
-//! not matter whether the whole or a part of the agents is looked at together.
+//! Spreads, errors and norms of the agents' signals, gathered chunk by chunk of [`CHUNK`] agents and in lanes, so
+//! that it does not matter whether the whole or a part of the agents is looked at together, nor how wide vectors are.
 
-use super::wave::{CHUNK, Line};
+/// Agents that are looked at together.
+pub const CHUNK: usize = 256;
+/// Agents whose numbers are gathered apart, so that it can be done side by side.
+const LANES: usize = 8;
+type Lanes = [f64; LANES];
 
-/// Number of signals: omega, p, V, q, SoC, and what else stands in a line.
-const SIGNALS: usize = 8;
+/// Number of signals: omega, p, V, q, SoC.
+const SIGNALS: usize = 5;
 /// Places of the signals.
 const OMEGA: usize = 0;
 const P: usize = 1;
@@ -12,17 +16,17 @@ const V: usize = 2;
 const Q: usize = 3;
 const SOC: usize = 4;
 
-/// One agent.
+/// At most [`CHUNK`] agents that follow each other; all slices are as long.
 #[derive(Clone, Copy, Debug)]
-pub struct Seen {
-    /// Whether it is available.
-    pub available: bool,
-    /// Whether it takes part.
-    pub live: bool,
+pub struct Seen<'a> {
+    /// Who is available.
+    pub available: &'a [bool],
+    /// Who takes part.
+    pub live: &'a [bool],
     /// p_i, pu, as told to the neighbours.
-    pub told_p: f64,
-    /// Its own omega, p, V, q, SoC; the rest is not looked at.
-    pub own: Line,
+    pub told_p: &'a [f64],
+    /// Their own omega, p, V, q, SoC.
+    pub own: [&'a [f64]; SIGNALS],
 }
 
 /// What is known of the agents seen so far.
@@ -33,13 +37,13 @@ pub struct Diagnosis {
     /// Where p is to go; `None`: to its mean.
     goal: Option<f64>,
     /// Least and largest of each signal of the available agents.
-    low: [f64; SIGNALS],
-    high: [f64; SIGNALS],
+    low: [Lanes; SIGNALS],
+    high: [Lanes; SIGNALS],
     /// Number of live agents, mean of their p, sum of squares about it or about the goal.
     live: f64,
     mean: f64,
     squares_p: f64,
-    squares_omega: f64,
+    squares_omega: Lanes,
 }
 
 impl Diagnosis {
@@ -49,52 +53,38 @@ impl Diagnosis {
             omega_ref,
             V_ref,
             goal,
-            low: [f64::INFINITY; SIGNALS],
-            high: [f64::NEG_INFINITY; SIGNALS],
+            low: [[f64::INFINITY; LANES]; SIGNALS],
+            high: [[f64::NEG_INFINITY; LANES]; SIGNALS],
             live: 0.0,
             mean: 0.0,
             squares_p: 0.0,
-            squares_omega: 0.0,
+            squares_omega: [0.0; LANES],
         }
     }
 
-    /// Takes agents `from..to`, `from` being a multiple of [`CHUNK`].
+    /// Takes the next agents, [`CHUNK`] of them but for the last.
     #[inline(always)]
-    pub fn take(&mut self, from: usize, to: usize, of: impl Fn(usize) -> Seen) {
-        for from in (from..to).step_by(CHUNK) {
-            self.take_chunk(from, to.min(from + CHUNK), &of);
+    pub fn take(&mut self, seen: Seen<'_>) {
+        for (k, own) in seen.own.into_iter().enumerate() {
+            range(own, seen.available, &mut self.low[k], &mut self.high[k]);
         }
-    }
-
-    #[inline(always)]
-    fn take_chunk(&mut self, from: usize, to: usize, of: &impl Fn(usize) -> Seen) {
-        let (mut live, mut sum) = (0.0, 0.0);
-        for i in from..to {
-            let seen = of(i);
-            if seen.available {
-                for k in 0..SIGNALS {
-                    self.low[k] = if seen.own[k] < self.low[k] { seen.own[k] } else { self.low[k] };
-                    self.high[k] = if seen.own[k] > self.high[k] { seen.own[k] } else { self.high[k] };
-                }
-            }
-            if seen.live {
-                live += 1.0;
-                sum += seen.told_p;
-                self.squares_omega += (seen.own[OMEGA] - self.omega_ref).powi(2);
-            }
-        }
+        let mut sum = [0.0; LANES];
+        let mut live = [0.0; LANES];
+        let omega_ref = self.omega_ref;
+        gather(seen.told_p, seen.live, &mut sum, |p| p);
+        gather(seen.told_p, seen.live, &mut live, |_| 1.0);
+        gather(seen.own[OMEGA], seen.live, &mut self.squares_omega, |omega| {
+            (omega - omega_ref) * (omega - omega_ref)
+        });
+        let live: f64 = live.iter().sum();
         if live == 0.0 {
             return;
         }
-        let mean = sum / live;
+        let mean = sum.iter().sum::<f64>() / live;
         let about = self.goal.unwrap_or(mean);
-        let mut squares = 0.0;
-        for i in from..to {
-            let seen = of(i);
-            if seen.live {
-                squares += (seen.told_p - about).powi(2);
-            }
-        }
+        let mut squares = [0.0; LANES];
+        gather(seen.told_p, seen.live, &mut squares, |p| (p - about) * (p - about));
+        let squares: f64 = squares.iter().sum();
         if self.live == 0.0 {
             (self.live, self.mean, self.squares_p) = (live, mean, squares);
             return;
@@ -108,24 +98,65 @@ impl Diagnosis {
         self.live = all;
     }
 
+    /// Least and largest of signal `k`; the former is the larger where nobody is available.
+    fn ends(&self, k: usize) -> (f64, f64) {
+        let low = self.low[k].iter().copied().fold(f64::INFINITY, f64::min);
+        (low, self.high[k].iter().copied().fold(f64::NEG_INFINITY, f64::max))
+    }
+
     /// Largest less smallest p, q and SoC of the available agents.
     pub fn spreads(&self) -> [f64; 3] {
-        [P, Q, SOC].map(|k| if self.low[k] <= self.high[k] { self.high[k] - self.low[k] } else { 0.0 })
+        [P, Q, SOC].map(|k| {
+            let (low, high) = self.ends(k);
+            if low <= high { high - low } else { 0.0 }
+        })
     }
 
     /// Largest distance of an available agent's omega and V from their references, pu.
     pub fn errors(&self) -> [f64; 2] {
         [(OMEGA, self.omega_ref), (V, self.V_ref)].map(|(k, reference)| {
-            if self.low[k] <= self.high[k] {
-                (self.low[k] - reference).abs().max((self.high[k] - reference).abs())
-            } else {
-                0.0
-            }
+            let (low, high) = self.ends(k);
+            if low <= high { (low - reference).abs().max((high - reference).abs()) } else { 0.0 }
         })
     }
 
     /// Euclidean norms of the live agents' p about goal or mean, and omega about its reference, pu.
     pub fn norms(&self) -> [f64; 2] {
-        [self.squares_p.sqrt(), self.squares_omega.sqrt()]
+        [self.squares_p.sqrt(), self.squares_omega.iter().sum::<f64>().sqrt()]
+    }
+}
+
+/// Widens `low` and `high` by the values of whom `counts` names.
+#[inline(always)]
+fn range(values: &[f64], counts: &[bool], low: &mut Lanes, high: &mut Lanes) {
+    let (mut least, mut most) = (*low, *high);
+    in_lanes(values, counts, |lane, x, counts| {
+        // The comparisons that processors have; who does not count is at the wrong end of both.
+        let (down, up) = if counts { (x, x) } else { (f64::INFINITY, f64::NEG_INFINITY) };
+        least[lane] = if down < least[lane] { down } else { least[lane] };
+        most[lane] = if up > most[lane] { up } else { most[lane] };
+    });
+    (*low, *high) = (least, most);
+}
+
+/// Adds what `of` makes of the values of whom `counts` names.
+#[inline(always)]
+fn gather(values: &[f64], counts: &[bool], sum: &mut Lanes, of: impl Fn(f64) -> f64) {
+    let mut sums = *sum;
+    in_lanes(values, counts, |lane, x, counts| sums[lane] += if counts { of(x) } else { 0.0 });
+    *sum = sums;
+}
+
+#[inline(always)]
+fn in_lanes(values: &[f64], counts: &[bool], mut each: impl FnMut(usize, f64, bool)) {
+    let ((values, values_left), (counts, counts_left)) =
+        (values.as_chunks::<LANES>(), counts.as_chunks::<LANES>());
+    for (values, counts) in values.iter().zip(counts) {
+        for lane in 0..LANES {
+            each(lane, values[lane], counts[lane]);
+        }
+    }
+    for (lane, (&x, &counts)) in values_left.iter().zip(counts_left).enumerate() {
+        each(lane, x, counts);
     }
 }

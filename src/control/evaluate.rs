@@ -4,7 +4,7 @@
 use super::config::{Discretisation, VoltagePolicy};
 use super::controller::Controller;
 use super::delay::Quantity;
-use super::diagnosis::{Diagnosis, Seen};
+use super::diagnosis::{CHUNK, Diagnosis, Seen};
 use super::discretisation::{Flow, SignPower, boundary_layer};
 use super::estimator::estimates;
 use super::exchange::{HeldLink, setpoints};
@@ -255,24 +255,33 @@ impl Controller {
     fn diagnose(&mut self) {
         let (signals, inputs) = (&self.scratch.signals, &self.state.inputs);
         let (available, live) = (&self.state.adopted.available, &self.topology.live);
-        let owed = |k: usize, i: usize| self.state.owed[k].get(i).copied().unwrap_or(0.0);
         let goal = inputs.dispatch.then_some(inputs.P_ref);
         let mut diagnosis = Diagnosis::new(inputs.omega_ref, inputs.V_ref, goal);
-        diagnosis.take(0, live.len(), |i| Seen {
-            available: available[i],
-            live: live[i],
-            told_p: signals.of(Quantity::P)[i],
-            own: [
-                signals.of(Quantity::Omega)[i],
-                signals.of(Quantity::P)[i] - owed(0, i),
-                signals.of(Quantity::V)[i],
-                signals.of(Quantity::Q)[i] - owed(1, i),
-                signals.of(Quantity::Soc)[i],
-                0.0,
-                0.0,
-                0.0,
-            ],
-        });
+        let n = live.len();
+        let mut own = [[0.0; CHUNK]; 2];
+        for from in (0..n).step_by(CHUNK) {
+            let r = from..n.min(from + CHUNK);
+            let of = |quantity: Quantity| &signals.of(quantity)[r.clone()];
+            let told = [of(Quantity::P), of(Quantity::Q)];
+            for ((own, told), owed) in own.iter_mut().zip(told).zip(&self.state.owed) {
+                own[..told.len()].copy_from_slice(told);
+                for (own, owed) in own.iter_mut().zip(owed.iter().skip(from)) {
+                    *own -= owed;
+                }
+            }
+            diagnosis.take(Seen {
+                available: &available[r.clone()],
+                live: &live[r.clone()],
+                told_p: told[0],
+                own: [
+                    of(Quantity::Omega),
+                    &own[0][..told[0].len()],
+                    of(Quantity::V),
+                    &own[1][..told[0].len()],
+                    of(Quantity::Soc),
+                ],
+            });
+        }
         self.tell(&diagnosis);
     }
 
