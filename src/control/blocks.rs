@@ -2,17 +2,16 @@
 //! along diagonals, where neighbours of agents that follow each other follow each other too, or one by one.
 //! Knows no values and no law.
 
+use super::diagnosis::CHUNK;
 use super::network::Network;
 use std::ops::Range;
 
-/// Agents of a block.
-pub const BLOCK: usize = 128;
 /// The most diagonals of a block, so that what flows along them stays in the cache.
 const DIAGONALS: usize = 32;
 /// Diagonals may have this many times as many places as there are edges; a place without an edge has weight 0.
 const PLACES_PER_EDGE: usize = 2;
 
-/// Agents that follow each other, with their edges to higher ones.
+/// [`CHUNK`] agents that follow each other, with their edges to higher ones.
 #[derive(Clone, Debug)]
 pub struct Block {
     /// The first agent, from 0.
@@ -66,8 +65,8 @@ impl Layout {
     pub fn new(network: &Network) -> Self {
         let (mut layout, mut from) = (Self::default(), 0);
         let (n, edges) = (network.graph.agents(), network.graph.edges());
-        for first in (0..n).step_by(BLOCK) {
-            let rows = BLOCK.min(n - first);
+        for first in (0..n).step_by(CHUNK) {
+            let rows = CHUNK.min(n - first);
             let count = edges[from..].iter().take_while(|e| (e.a as usize) < first + rows).count();
             layout.add(network, (first, rows), from..from + count);
             from += count;

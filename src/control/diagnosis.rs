@@ -65,25 +65,28 @@ impl Diagnosis {
     /// Takes the next agents, [`CHUNK`] of them but for the last.
     #[inline(always)]
     pub fn take(&mut self, seen: Seen<'_>) {
+        let available = Counts::of(seen.available);
         for (k, own) in seen.own.into_iter().enumerate() {
-            range(own, seen.available, &mut self.low[k], &mut self.high[k]);
+            range(own, available, &mut self.low[k], &mut self.high[k]);
         }
-        let mut sum = [0.0; LANES];
-        let mut live = [0.0; LANES];
-        let omega_ref = self.omega_ref;
-        gather(seen.told_p, seen.live, &mut sum, |p| p);
-        gather(seen.told_p, seen.live, &mut live, |_| 1.0);
-        gather(seen.own[OMEGA], seen.live, &mut self.squares_omega, |omega| {
+        let counts = Counts::of(seen.live);
+        let (mut sum, omega_ref) = ([0.0; LANES], self.omega_ref);
+        gather(seen.told_p, counts, &mut sum, |p| p);
+        gather(seen.own[OMEGA], counts, &mut self.squares_omega, |omega| {
             (omega - omega_ref) * (omega - omega_ref)
         });
-        let live: f64 = live.iter().sum();
+        let live = match counts {
+            Counts::All => seen.live.len(),
+            Counts::Some(live) => live.iter().filter(|live| **live).count(),
+        };
+        let live = live as f64;
         if live == 0.0 {
             return;
         }
         let mean = sum.iter().sum::<f64>() / live;
         let about = self.goal.unwrap_or(mean);
         let mut squares = [0.0; LANES];
-        gather(seen.told_p, seen.live, &mut squares, |p| (p - about) * (p - about));
+        gather(seen.told_p, counts, &mut squares, |p| (p - about) * (p - about));
         let squares: f64 = squares.iter().sum();
         if self.live == 0.0 {
             (self.live, self.mean, self.squares_p) = (live, mean, squares);
@@ -126,11 +129,55 @@ impl Diagnosis {
     }
 }
 
-/// Widens `low` and `high` by the values of whom `counts` names.
+/// Who of some agents counts.
+#[derive(Clone, Copy)]
+enum Counts<'a> {
+    All,
+    Some(&'a [bool]),
+}
+
+impl<'a> Counts<'a> {
+    #[inline(always)]
+    fn of(counts: &'a [bool]) -> Self {
+        // Without a branch, so that it is done side by side.
+        if counts.iter().fold(true, |all, &counts| all & counts) { Self::All } else { Self::Some(counts) }
+    }
+
+    /// Goes through the values, lane by lane.
+    #[inline(always)]
+    fn in_lanes(self, values: &[f64], mut each: impl FnMut(usize, f64, bool)) {
+        let (lanes, left) = values.as_chunks::<LANES>();
+        match self {
+            Self::All => {
+                for values in lanes {
+                    for lane in 0..LANES {
+                        each(lane, values[lane], true);
+                    }
+                }
+                for (lane, &x) in left.iter().enumerate() {
+                    each(lane, x, true);
+                }
+            }
+            Self::Some(counts) => {
+                let (counts, counts_left) = counts.as_chunks::<LANES>();
+                for (values, counts) in lanes.iter().zip(counts) {
+                    for lane in 0..LANES {
+                        each(lane, values[lane], counts[lane]);
+                    }
+                }
+                for (lane, (&x, &counts)) in left.iter().zip(counts_left).enumerate() {
+                    each(lane, x, counts);
+                }
+            }
+        }
+    }
+}
+
+/// Widens `low` and `high` by the values of those who count.
 #[inline(always)]
-fn range(values: &[f64], counts: &[bool], low: &mut Lanes, high: &mut Lanes) {
+fn range(values: &[f64], counts: Counts<'_>, low: &mut Lanes, high: &mut Lanes) {
     let (mut least, mut most) = (*low, *high);
-    in_lanes(values, counts, |lane, x, counts| {
+    counts.in_lanes(values, |lane, x, counts| {
         // The comparisons that processors have; who does not count is at the wrong end of both.
         let (down, up) = if counts { (x, x) } else { (f64::INFINITY, f64::NEG_INFINITY) };
         least[lane] = if down < least[lane] { down } else { least[lane] };
@@ -139,24 +186,10 @@ fn range(values: &[f64], counts: &[bool], low: &mut Lanes, high: &mut Lanes) {
     (*low, *high) = (least, most);
 }
 
-/// Adds what `of` makes of the values of whom `counts` names.
+/// Adds what `of` makes of the values of those who count.
 #[inline(always)]
-fn gather(values: &[f64], counts: &[bool], sum: &mut Lanes, of: impl Fn(f64) -> f64) {
+fn gather(values: &[f64], counts: Counts<'_>, sum: &mut Lanes, of: impl Fn(f64) -> f64) {
     let mut sums = *sum;
-    in_lanes(values, counts, |lane, x, counts| sums[lane] += if counts { of(x) } else { 0.0 });
+    counts.in_lanes(values, |lane, x, counts| sums[lane] += if counts { of(x) } else { 0.0 });
     *sum = sums;
-}
-
-#[inline(always)]
-fn in_lanes(values: &[f64], counts: &[bool], mut each: impl FnMut(usize, f64, bool)) {
-    let ((values, values_left), (counts, counts_left)) =
-        (values.as_chunks::<LANES>(), counts.as_chunks::<LANES>());
-    for (values, counts) in values.iter().zip(counts) {
-        for lane in 0..LANES {
-            each(lane, values[lane], counts[lane]);
-        }
-    }
-    for (lane, (&x, &counts)) in values_left.iter().zip(counts_left).enumerate() {
-        each(lane, x, counts);
-    }
 }

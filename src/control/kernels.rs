@@ -115,28 +115,42 @@ pub fn smaller(out: &mut [f64], (a, b): Ends<'_>) {
     }
 }
 
+/// Numbers that are loaded before any is stored, so that nobody has to find out whether two slices overlap.
+const LANES: usize = 8;
+
+/// out = of(out, x)
+#[inline(always)]
+fn update(out: &mut [f64], x: &[f64], of: impl Fn(f64, f64) -> f64) {
+    let ((out, out_left), (x, x_left)) = (out.as_chunks_mut::<LANES>(), x.as_chunks::<LANES>());
+    for (out, x) in out.iter_mut().zip(x) {
+        let (was, x) = (*out, *x);
+        let mut now = was;
+        for lane in 0..LANES {
+            now[lane] = of(was[lane], x[lane]);
+        }
+        *out = now;
+    }
+    for (out, &x) in out_left.iter_mut().zip(x_left) {
+        *out = of(*out, x);
+    }
+}
+
 /// sum += x
 #[inline(always)]
 pub fn add(sum: &mut [f64], x: &[f64]) {
-    for (sum, x) in sum.iter_mut().zip(x) {
-        *sum += x;
-    }
+    update(sum, x, |sum, x| sum + x);
 }
 
 /// sum -= x
 #[inline(always)]
 pub fn subtract(sum: &mut [f64], x: &[f64]) {
-    for (sum, x) in sum.iter_mut().zip(x) {
-        *sum -= x;
-    }
+    update(sum, x, |sum, x| sum - x);
 }
 
 /// most = max(most, x)
 #[inline(always)]
 pub fn raise(most: &mut [f64], x: &[f64]) {
-    for (most, &x) in most.iter_mut().zip(x) {
-        *most = greatest(x, *most);
-    }
+    update(most, x, |most, x| greatest(x, most));
 }
 
 /// out = K (x - x_set)
@@ -196,10 +210,14 @@ pub fn advance(out: &mut [f64], h: f64, u: &[f64], live: &[bool]) {
 /// out = x, where `live`.
 #[inline(always)]
 pub fn take(out: &mut [f64], x: &[f64], live: &[bool]) {
-    let n = out.len();
-    let (x, live) = (&x[..n], &live[..n]);
-    for i in 0..n {
-        out[i] = if live[i] { x[i] } else { out[i] };
+    if live.iter().fold(true, |all, live| all & live) {
+        out.copy_from_slice(&x[..out.len()]);
+        return;
+    }
+    for (out, (&x, &live)) in out.iter_mut().zip(x.iter().zip(live)) {
+        if live {
+            *out = x;
+        }
     }
 }
 

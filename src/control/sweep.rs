@@ -277,12 +277,21 @@ impl Sweep<'_> {
                     settle(&mut work.flows[place as usize], last, how);
                 }
             }
-            None => {
-                for k in 0..offsets.len() {
-                    let last = last.iter_mut().skip(k).step_by(offsets.len());
-                    work.flows[of(k)].iter_mut().zip(last).for_each(|(flow, last)| settle(flow, last, how));
+            None => match offsets.len() {
+                1 => settle_rows::<1>(&mut work.flows, last, how),
+                2 => settle_rows::<2>(&mut work.flows, last, how),
+                3 => settle_rows::<3>(&mut work.flows, last, how),
+                4 => settle_rows::<4>(&mut work.flows, last, how),
+                many => {
+                    for k in 0..many {
+                        let last = last.iter_mut().skip(k).step_by(many);
+                        work.flows[of(k)]
+                            .iter_mut()
+                            .zip(last)
+                            .for_each(|(flow, last)| settle(flow, last, how));
+                    }
                 }
-            }
+            },
         }
         give(&work.flows, offsets, &own, &mut sums[at::SOC]);
     }
@@ -348,6 +357,26 @@ fn give(flows: &[f64], offsets: &[u32], own: &Range<usize>, sums: &mut [f64]) {
     }
     for (flows, _) in flows.chunks_exact(rows).zip(offsets) {
         kernels::subtract(&mut sums[own.clone()], flows);
+    }
+}
+
+/// The same for `K` diagonals without gaps.
+#[inline(always)]
+fn settle_rows<const K: usize>(flows: &mut [f64], last: &mut [f64], how: (f64, bool)) {
+    let (last, _) = last.as_chunks_mut::<K>();
+    let rows = last.len();
+    if how.0 < 1.0 || !how.1 {
+        for (k, flows) in flows.chunks_exact_mut(rows).take(K).enumerate() {
+            flows.iter_mut().zip(&mut *last).for_each(|(flow, last)| settle(flow, &mut last[k], how));
+        }
+        return;
+    }
+    let mut parts = flows.chunks_exact(rows);
+    let flows: [&[f64]; K] = std::array::from_fn(|_| parts.next().unwrap_or_default());
+    for (r, last) in last.iter_mut().enumerate() {
+        for k in 0..K {
+            last[k] = -flows[k][r];
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 //! reach, and what flows to them. A window slides over the agents, so that in local order all of it stays in
 //! the cache however many agents there are. Knows no law.
 
-use super::blocks::{BLOCK, Block, Layout};
+use super::blocks::{Block, Layout};
 use super::diagnosis::CHUNK;
 use super::network::Network;
 use std::ops::Range;
@@ -106,7 +106,7 @@ impl Default for Work {
 #[derive(Clone, Debug, Default)]
 pub struct Wave {
     layout: Layout,
-    /// For each chunk of agents, how far up its edges look.
+    /// For each block, how far up its edges and those of the blocks before look.
     tops: Vec<usize>,
     window: Window,
     work: Work,
@@ -127,9 +127,9 @@ impl Wave {
     pub fn new(network: &Network) -> Self {
         let layout = Layout::new(network);
         let (mut tops, mut top, mut live) = (Vec::new(), 0, 0);
-        for (chunk, blocks) in layout.blocks.chunks(CHUNK / BLOCK).enumerate() {
-            top = blocks.iter().map(|block| layout.top(block)).fold(top, usize::max);
-            live = live.max(top - chunk * CHUNK);
+        for block in &layout.blocks {
+            top = layout.top(block).max(top);
+            live = live.max(top - block.first);
             tops.push(top);
         }
         // Where the reach is long the window slides once in as many agents, so that each is moved once.
@@ -150,8 +150,8 @@ impl Wave {
         let Self { layout, tops, window, work } = self;
         let mut measured = 0;
         window.origin = 0;
-        for (chunk, (&top, blocks)) in tops.iter().zip(layout.blocks.chunks(CHUNK / BLOCK)).enumerate() {
-            let (from, until) = (chunk * CHUNK, top.min(n));
+        for (block, &top) in layout.blocks.iter().zip(&*tops) {
+            let (from, until) = (block.first, top.min(n));
             window.slide((from, measured), top);
             if measured < until {
                 stages.measure(measured, until, window);
@@ -161,10 +161,8 @@ impl Wave {
                 }
                 measured = until;
             }
-            for block in blocks {
-                stages.flow(block, layout, window, work);
-            }
-            stages.finish(from, n.min(from + CHUNK), window);
+            stages.flow(block, layout, window, work);
+            stages.finish(from, from + block.rows, window);
         }
     }
 }
