@@ -18,13 +18,14 @@ const HEAD: &str = "# The likeliest mistakes
 
 You typed something and `bess` refused it, or warned you. Here are the mistakes that are made most, each with the command,
 what is printed, and how to mend it. All output below was printed by this version: a test makes every mistake again and
-compares. Nothing is written by a run that is refused.
+compares. (Quotation marks around `'PATH=VALUE'` are for the shell.) Nothing is written by a run that is refused.
 
 | exit code | means |
 |---|---|
 | 0 | done; lines that begin with `warning:` want to be read |
 | 1 | the run or a file failed |
 | 2 | the command line or the scenario is wrong |
+| 3 | an FMU crashed or hung in its own process (`--isolate`) |
 
 Looking for something else: `bess schema` prints the JSON Schema for your editor, `bess show case1` a scenario with every key,
 `bess check MyGrid.fmu` what is wrong with an FMU.

@@ -6,6 +6,7 @@ use crate::{
     fmu::{self, CONTROLLER, GRID},
     licenses,
     process::{cargo, command, output, run as start},
+    supply,
     workspace::Workspace,
 };
 use clap::ValueEnum;
@@ -21,6 +22,8 @@ pub enum Generated {
     Licenses,
     /// docs/mistakes.md, by making every mistake.
     Mistakes,
+    /// src/package/sbom/*.cdx.json, from cargo's dependency tree and Cargo.lock.
+    Sbom,
     /// modelDescription/*.xml, out of the packed FMUs.
     ModelDescription,
     /// schema/scenario.schema.json, from `bess schema`.
@@ -45,6 +48,9 @@ pub fn run(workspace: &Workspace, what: &[Generated]) -> Result<(), Failure> {
         let mut test = cargo(workspace);
         test.args(["test", "--quiet", "--release", "--test", "mistakes"]);
         start(test.env("BESS_WRITE_MISTAKES", "1"))?;
+    }
+    if wanted(Generated::Sbom) {
+        supply::write_sbom(workspace)?;
     }
     if wanted(Generated::ModelDescription) || wanted(Generated::Schema) {
         fmu::build_and_pack(workspace)?;

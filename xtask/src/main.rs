@@ -14,6 +14,7 @@ mod process;
 mod python;
 mod scenario;
 mod stages;
+mod supply;
 mod table;
 mod workspace;
 
@@ -45,7 +46,8 @@ const EXAMPLES: &str = "Examples:
   cargo xtask fuzz                          ten million random calls under AddressSanitizer
   cargo xtask fuzz --guided 600             ten minutes of cargo-fuzz, from fuzz/corpus on
   cargo xtask soak                          ten million steps and ten thousand lives of both FMUs
-  cargo xtask miri                          the C interface under miri, where a nightly has it";
+  cargo xtask miri                          the C interface under miri, where a nightly has it
+  cargo xtask reproduce                     the libraries once more, in other folders: the same bytes?";
 
 #[derive(Subcommand)]
 enum Task {
@@ -118,6 +120,12 @@ enum Task {
         #[arg(long, default_value_t = 10_000)]
         lives: u64,
     },
+    /// Build the FMUs' libraries a second time, in other folders, and compare: every byte must be the same.
+    Reproduce {
+        /// Only this library: BessConsensus or BessGrid.
+        #[arg(value_parser = ["BessConsensus", "BessGrid"], value_name = "LIBRARY")]
+        library: Option<String>,
+    },
     /// Write anew the generated files that are checked in.
     Generate {
         /// Only these.
@@ -154,6 +162,7 @@ fn dispatch(task: Task) -> Result<ExitCode, Failure> {
         Task::Fuzz { calls, seed, guided: None } => fuzz::seeded(&workspace, calls, seed)?,
         Task::Miri => fuzz::miri(&workspace)?,
         Task::Soak { steps, lives } => fuzz::soak(&workspace, (steps, lives))?,
+        Task::Reproduce { library } => supply::reproduce(&workspace, library.as_deref())?,
         Task::Generate { what } => generate::run(&workspace, &what)?,
     }
     Ok(ExitCode::SUCCESS)
