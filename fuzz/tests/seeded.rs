@@ -5,7 +5,6 @@ use bess_consensus::fmi::Function;
 use bess_consensus::fmi::bindings::*;
 use bess_fuzz::fmus;
 use bess_fuzz::seeded::{Run, run};
-use bess_fuzz::soak::{Load, soak};
 
 const CALLS: u64 = 200_000;
 
@@ -26,12 +25,5 @@ fn random_calls_on_both_fmus_meet_what_must_come_of_them() {
         }
         assert!(tally.of(Function::DoStep, fmi2Status_fmi2OK) > CALLS / 50, "\n{tally}");
         assert!(tally.of(Function::SetFmuState, fmi2Status_fmi2OK) > CALLS / 500, "\n{tally}");
-    }
-}
-
-#[test]
-fn short_long_runs_give_equal_bits() {
-    for subject in [fmus::controller().unwrap(), fmus::grid().unwrap()] {
-        println!("{}", soak(&subject, Load { steps: 100_000, lives: 200, crowd: (64, 8) }).unwrap());
     }
 }
