@@ -33,12 +33,11 @@ pub struct Identity {
 impl Identity {
     /// Of a scenario as JSON, of whatever was made from it, as text, and of its participants.
     pub fn new(scenario: String, configuration: &str, participants: &[Box<dyn Participant>]) -> Self {
-        let identity = |p: &Box<dyn Participant>| (p.name().to_owned(), p.identity());
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scenario,
             configuration: Fnv64::of(configuration.as_bytes()),
-            participants: participants.iter().map(identity).collect(),
+            participants: participants.iter().map(|p| (p.name().to_owned(), p.identity())).collect(),
         }
     }
 
