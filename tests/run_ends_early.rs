@@ -6,7 +6,7 @@
 mod harness_support;
 mod run_support;
 
-use run_support::{PART, bess, files, kill, output, scenario, summary, times, until};
+use run_support::{PART, Running, bess, files, output, scenario, summary, times, until};
 use serde_json::{Value, json};
 
 #[test]
@@ -107,15 +107,16 @@ fn children(process: u32) -> Vec<u32> {
 fn an_fmu_that_hangs_does_not_outlive_the_run() {
     let folder = tempfile::tempdir().unwrap();
     scenario(folder.path(), 2, 150);
-    let mut run = bess(folder.path(), &["run", "toy.json", "--isolate", "--call-limit", "1h", "-o", "out"])
-        .spawn()
-        .unwrap();
+    let mut run = Running::start(bess(
+        folder.path(),
+        &["run", "toy.json", "--isolate", "--call-limit", "1h", "-o", "out"],
+    ));
     // It hangs in the step from 3 s on; the row of 3 s is there then.
     let part = folder.path().join("out").join(PART);
     until("the row of 3 s", || std::fs::read_to_string(&part).is_ok_and(|text| text.contains("\n3.0,")));
-    let workers = children(run.id());
+    let workers = children(run.0.id());
     assert_eq!(workers.len(), 1);
-    kill(&mut run);
+    run.kill();
     let gone = |process: &u32| {
         let status = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
         status.is_empty() || status.contains(") Z ")
@@ -130,12 +131,12 @@ fn two_runs_do_not_write_into_one_folder() {
     let folder = tempfile::tempdir().unwrap();
     scenario(folder.path(), 2, 150);
     let arguments = ["run", "toy.json", "--isolate", "--call-limit", "1h", "-o", "out"];
-    let mut first = bess(folder.path(), &arguments).spawn().unwrap();
+    let mut first = Running::start(bess(folder.path(), &arguments));
     let part = folder.path().join("out").join(PART);
     until("the first one's file", || std::fs::metadata(&part).is_ok_and(|data| data.len() > 0));
     let (code, message) = output(folder.path(), &arguments);
     assert_eq!(files(&folder.path().join("out")), [PART], "the second one left something");
-    kill(&mut first);
+    first.kill();
     assert_eq!(code, Some(1), "{message}");
     assert!(message.contains("is being written by another run"), "{message}");
 }

@@ -7,10 +7,9 @@ mod harness_support;
 mod run_support;
 
 use harness_support::{compile, fmu, integrator_xml};
-use run_support::{PART, bess, files, kill, output, scenario, summary, until};
+use run_support::{PART, Running, bess, files, output, scenario, summary, until};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
 
 /// What a summary says but for the clock.
 fn timeless(folder: &Path) -> Value {
@@ -39,18 +38,18 @@ fn killed_and_resumed(folder: &Path, run: &[&str], shares: &[f64]) {
             start.retain(|word| !["--checkpoint", "250ms", "--resume"].contains(word));
             start.push("--resume");
         }
-        let mut child = bess(folder, &start).stdout(Stdio::null()).spawn().unwrap();
+        let mut child = Running::start(bess(folder, &start));
         let enough = (share * expected.len() as f64) as u64;
         let size = |name: &str| std::fs::metadata(results.join(name)).map_or(0, |data| data.len());
         let mut is_over = false;
         until("enough of the trajectory, or the end", || {
-            is_over = child.try_wait().unwrap().is_some();
+            is_over = child.0.try_wait().unwrap().is_some();
             is_over || (size(PART) > enough && size("checkpoint.bin") > 0)
         });
         if is_over {
             break;
         }
-        kill(&mut child);
+        child.kill();
         kills += 1;
         assert!(!results.join("summary.json").exists(), "a result under its final name");
     }
