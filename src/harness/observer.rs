@@ -118,7 +118,7 @@ impl Observer for FanOut<'_> {
     }
 
     fn is_due(&mut self, t_ns: i64, last: bool) -> bool {
-        self.0.iter_mut().fold(false, |due, observer| observer.is_due(t_ns, last) || due)
+        self.0.iter_mut().any(|observer| observer.is_due(t_ns, last))
     }
 
     fn keep(&mut self, position: Position) -> Result<(), ObserverError> {

@@ -45,22 +45,25 @@ pub struct How<'a> {
 
 /// Samples for the report and the trajectory, with checkpoints or without.
 enum Kept {
-    Plain(Memory, Option<Recorder>),
+    Plain(Box<(Memory, Option<Recorder>)>),
     Resumable(Box<Keeping>),
 }
 
 impl Kept {
     fn memory(&self) -> &Memory {
         match self {
-            Kept::Plain(memory, _) => memory,
+            Kept::Plain(plain) => &plain.0,
             Kept::Resumable(keeping) => keeping.memory(),
         }
     }
 
     fn observers(&mut self) -> Vec<&mut dyn Observer> {
         match self {
-            Kept::Plain(memory, None) => vec![memory],
-            Kept::Plain(memory, Some(recorder)) => vec![memory, recorder],
+            Kept::Plain(plain) => {
+                let (memory, recorder) = plain.as_mut();
+                let recorder = recorder.as_mut().map(|recorder| recorder as &mut dyn Observer);
+                std::iter::once(memory as &mut dyn Observer).chain(recorder).collect()
+            }
             Kept::Resumable(keeping) => vec![keeping.as_mut()],
         }
     }
@@ -87,7 +90,7 @@ pub fn record(resolved: &Resolved, cast: &Cast, how: &How<'_>) -> Result<Record,
             };
             (Kept::Resumable(Box::new(keeping)), found)
         }
-        folder => (Kept::Plain(memory, folder.map(|folder| Recorder::new(folder, every))), None),
+        folder => (Kept::Plain(Box::new((memory, folder.map(|folder| Recorder::new(folder, every))))), None),
     };
     let bar = bar(how.quiet);
     let mut progress = Progress::new(Duration::from_millis(50), |t_s, share| {
