@@ -81,7 +81,7 @@ fn page() -> String {
         }
         let printed = make(mistake);
         let _ = write!(page, "```console\n$ {}\n{printed}\n```\n\n", mistake.command);
-        let _ = write!(page, "Exit code {}. {}\n", mistake.code, mistake.mend);
+        let _ = writeln!(page, "Exit code {}. {}", mistake.code, mistake.mend);
     }
     page
 }

@@ -176,7 +176,7 @@ impl Course<'_> {
         }
         for ((i, s), limit) in P_set.iter().enumerate().zip(&limits.P_set) {
             let most = worst(within(s).into_iter());
-            if !(most <= limit + ROUNDING) {
+            if most.is_nan() || most > limit + ROUNDING {
                 broken.push(format!("P_set[{}] up to {} beyond {limit}", i + 1, format_value(most, 4)));
             }
         }
@@ -196,7 +196,7 @@ impl Course<'_> {
         }
         for ((i, s), limit) in self.P.iter().enumerate().zip(limits.P.iter().flatten()) {
             // What a regulation of a measured power can keep; see docs/faults.md.
-            let beyond = within(s).into_iter().filter(|P| !(P.abs() <= 1.01 * limit));
+            let beyond = within(s).into_iter().filter(|P| P.is_nan() || P.abs() > 1.01 * limit);
             let (count, most) = beyond.fold((0, 0.0_f64), |(count, most), P| (count + 1, most.max(P.abs())));
             if count > 0 {
                 let step_s = self.time.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max);
