@@ -16,26 +16,9 @@ CASE: case57, or a MATPOWER case file
       load step; all buses are read in every communication step";
 
 fn main() -> ExitCode {
-    // Cargo passes --bench on.
-    let arguments: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
-    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    let done = match words.as_slice() {
-        ["power-flow", case, options @ ..] => {
-            support::options(options).and_then(|o| support::power_flow(case, &o))
-        }
-        ["dynamics", case, options @ ..] => {
-            support::options(options).and_then(|o| support::dynamics(case, &o))
-        }
+    support::program(|words| match words {
+        ["power-flow", case, options @ ..] => support::power_flow(case, &support::options(options)?),
+        ["dynamics", case, options @ ..] => support::dynamics(case, &support::options(options)?),
         _ => Err(USAGE.to_owned()),
-    };
-    match done {
-        Ok(line) => {
-            println!("{line}");
-            ExitCode::SUCCESS
-        }
-        Err(message) => {
-            eprintln!("{message}");
-            ExitCode::FAILURE
-        }
-    }
+    })
 }
