@@ -15,25 +15,15 @@ const USAGE: &str = "Usage: controller TASK [--option value ...]
       shuffled; prints the time of each step, the bytes it must move, and in turn with each step what the
       machine needs for them: square roots, the vector power, a triad over large arrays
   export [--agents 10000] --folder DIR --to FILE
-      writes the FMU of such a controller with the shared library in DIR; prints the time that it took";
+      writes the FMU of such a controller with the shared library in DIR; prints the time that it took
+  load FILE
+      opens an FMU as `bess run` does and makes an instance; prints the time that it took";
 
 fn main() -> ExitCode {
-    // Cargo passes --bench on.
-    let arguments: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
-    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    let done = match words.as_slice() {
-        ["step", rest @ ..] => options::options(rest).and_then(|o| controller_support::step(&o)),
-        ["export", rest @ ..] => options::options(rest).and_then(|o| controller_support::export(&o)),
+    options::program(|words| match words {
+        ["step", rest @ ..] => controller_support::step(&options::options(rest)?),
+        ["export", rest @ ..] => controller_support::export(&options::options(rest)?),
+        ["load", file] => controller_support::load(file),
         _ => Err(USAGE.to_owned()),
-    };
-    match done {
-        Ok(line) => {
-            println!("{line}");
-            ExitCode::SUCCESS
-        }
-        Err(message) => {
-            eprintln!("{message}");
-            ExitCode::FAILURE
-        }
-    }
+    })
 }

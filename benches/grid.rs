@@ -20,27 +20,10 @@ CASE: case57, or a MATPOWER case file
       and of a network made anew for a changed load";
 
 fn main() -> ExitCode {
-    // Cargo passes --bench on.
-    let arguments: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
-    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    let done = match words.as_slice() {
-        ["power-flow", case, options @ ..] => {
-            support::options(options).and_then(|o| support::power_flow(case, &o))
-        }
-        ["dynamics", case, options @ ..] => {
-            support::options(options).and_then(|o| support::dynamics(case, &o))
-        }
-        ["parts", case, options @ ..] => support::options(options).and_then(|o| support::parts(case, &o)),
+    support::program(|words| match words {
+        ["power-flow", case, options @ ..] => support::power_flow(case, &support::options(options)?),
+        ["dynamics", case, options @ ..] => support::dynamics(case, &support::options(options)?),
+        ["parts", case, options @ ..] => support::parts(case, &support::options(options)?),
         _ => Err(USAGE.to_owned()),
-    };
-    match done {
-        Ok(line) => {
-            println!("{line}");
-            ExitCode::SUCCESS
-        }
-        Err(message) => {
-            eprintln!("{message}");
-            ExitCode::FAILURE
-        }
-    }
+    })
 }

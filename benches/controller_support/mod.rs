@@ -9,6 +9,7 @@ use bess_consensus::control::communication::{
 use bess_consensus::control::order::Order;
 use bess_consensus::control::{Config, Controller};
 use bess_consensus::fmi::Interface;
+use bess_consensus::harness::Fmu;
 use bess_consensus::models::ControllerResource;
 use bess_consensus::package::{Libraries, write_controller_of};
 use floor::Floor;
@@ -156,6 +157,16 @@ pub fn export(options: &Options) -> Result<String, String> {
     write_controller_of(file.as_ref(), resource, Interface::Structured, &libraries)
         .map_err(|e| e.to_string())?;
     Ok(json!({ "agents": n, "s": begin.elapsed().as_secs_f64() }).to_string())
+}
+
+/// Opens an FMU, makes an instance and prints the time.
+pub fn load(file: &str) -> Result<String, String> {
+    let begin = Instant::now();
+    let fmu = Fmu::open(file.as_ref()).map_err(|e| e.to_string())?;
+    let instance = fmu.instantiate("load").map_err(|e| e.to_string())?;
+    let s = begin.elapsed().as_secs_f64();
+    drop(instance);
+    Ok(json!({ "variables": fmu.description().variables.len(), "s": s }).to_string())
 }
 
 /// The most memory that this process had, bytes; Linux says it.

@@ -10,7 +10,7 @@ pub use parts::parts;
 pub use power_flow::power_flow;
 
 use bess_consensus::grid::Case;
-pub use options::{Options, option, options};
+pub use options::{Options, option, options, program};
 
 /// A built-in case or a file.
 pub fn case(name: &str) -> Result<Case, String> {

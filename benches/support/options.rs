@@ -1,6 +1,24 @@
-//! `--name value` pairs of the bench programs.
+//! The command line of the bench programs: a task, `--name value` pairs, one line of JSON as the result.
 
 use std::collections::BTreeMap;
+use std::process::ExitCode;
+
+/// Runs a program: `task` is given the words of the command line and gives back the line to print.
+pub fn program(task: impl FnOnce(&[&str]) -> Result<String, String>) -> ExitCode {
+    // Cargo passes --bench on.
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    match task(&words) {
+        Ok(line) => {
+            println!("{line}");
+            ExitCode::SUCCESS
+        }
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
 
 /// `--name value` pairs.
 pub type Options = BTreeMap<String, String>;

@@ -1,5 +1,6 @@
 //! Export of a controller for 10,000 agents, against the time that FMPy takes to read its model description (its
-//! own reading with the default settings, validation included).
+//! own reading with the default settings, validation included); and its load, from the file to an instance, here
+//! and in FMPy.
 
 use super::program::{build, last_line, measure, number};
 use super::row::{Bar, Row, median};
@@ -22,7 +23,18 @@ description = fmpy.read_model_description(sys.argv[1])
 elapsed = time.perf_counter() - begin
 print(json.dumps({'s': elapsed, 'version': fmpy.__version__, 'variables': len(description.modelVariables)}))";
 
-/// One row.
+const LOAD: &str = "import json, sys, time, fmpy, fmpy.fmi2
+begin = time.perf_counter()
+description = fmpy.read_model_description(sys.argv[1])
+folder = fmpy.extract(sys.argv[1])
+slave = fmpy.fmi2.FMU2Slave(guid=description.guid, unzipDirectory=folder, instanceName='load',
+                            modelIdentifier=description.coSimulation.modelIdentifier)
+slave.instantiate()
+print(json.dumps({'s': time.perf_counter() - begin, 'version': fmpy.__version__}))
+slave.freeInstance()
+import shutil; shutil.rmtree(folder)";
+
+/// Both rows.
 pub fn rows(workspace: &Workspace, runs: u32) -> Result<Vec<Row>, Failure> {
     fmu::build_and_pack(workspace)?;
     let folder = workspace.target.join("bench/export");
@@ -32,25 +44,46 @@ pub fn rows(workspace: &Workspace, runs: u32) -> Result<Vec<Row>, Failure> {
     let (libraries, file) =
         (workspace.plain_libraries().display().to_string(), archive.display().to_string());
     let name = "export of 10,000 agents against FMPy's reading";
+    let load = "load of 10,000 agents against FMPy's";
     let python = match python::environment(workspace, "fmpy") {
         Ok(python) => python,
-        Err(failure) => return Ok(vec![Row::missing(name, "x the time", READING, failure.to_string())]),
+        Err(failure) => {
+            let why = failure.to_string();
+            return Ok(vec![
+                Row::missing(name, "x the time", READING, why.as_str()),
+                Row::unknown(load, "x the time", why.as_str()),
+            ]);
+        }
     };
     let (mut ours, mut theirs, mut last) = (Vec::new(), Vec::new(), Value::Null);
+    let (mut loads, mut their_loads) = (Vec::new(), Vec::new());
     for _ in 0..runs {
         let arguments = ["export", "--agents", AGENTS, "--folder", &libraries, "--to", &file];
         ours.push(number(&measure(workspace, &program, &arguments)?, "s")?);
         last = last_line(&output(command(workspace, &python).args(["-c", READ]).arg(&archive))?)?;
         theirs.push(number(&last, "s")?);
+        loads.push(number(&measure(workspace, &program, &["load", &file])?, "s")?);
+        let loaded = last_line(&output(command(workspace, &python).args(["-c", LOAD]).arg(&archive))?)?;
+        their_loads.push(number(&loaded, "s")?);
     }
-    let ratios = ours.iter().zip(&theirs).map(|(ours, theirs)| ours / theirs).collect();
-    let note = format!(
-        "{:.2} s here, {:.2} s in FMPy {} for {} variables, validation included",
+    let version = last["version"].as_str().unwrap_or("?");
+    let read = format!(
+        "{:.2} s here, {:.2} s in FMPy {version} for {} variables, validation included",
         median(ours.clone()),
         median(theirs.clone()),
-        last["version"].as_str().unwrap_or("?"),
         last["variables"]
     );
+    let loaded = format!(
+        "from the file to an instance: {:.2} s in the harness, {:.2} s in FMPy {version}",
+        median(loads.clone()),
+        median(their_loads.clone()),
+    );
+    Ok(vec![row(name, (ours, theirs), read).bar(READING), row(load, (loads, their_loads), loaded)])
+}
+
+/// The median of the ratios of what was measured in turn.
+fn row(name: &str, (ours, theirs): (Vec<f64>, Vec<f64>), note: String) -> Row {
+    let ratios = ours.iter().zip(&theirs).map(|(ours, theirs)| ours / theirs).collect();
     let detail = json!({ "ours_s": ours, "theirs_s": theirs });
-    Ok(vec![Row::figure(name, median(ratios), "x the time").bar(READING).note(note, detail)])
+    Row::figure(name, median(ratios), "x the time").note(note, detail)
 }

@@ -1,9 +1,10 @@
 //! Instructions of the hot loops, counted by valgrind: the same on every machine and on a busy one, so
-//! that a slow-down in the source shows. What a loop takes is the difference between a long and a short
+//! that a slow-down in the source shows (of processors, valgrind knows AVX2 and nothing wider). What a loop takes is the difference between a long and a short
 //! run over the number of rounds between them.
 
+use super::drive::{Driver, Fmu};
 use super::peers::Peers;
-use super::program::build;
+use super::program::{build, measure, number};
 use super::row::{Bar, Row};
 use crate::{
     debian::{Need, provide},
@@ -11,7 +12,7 @@ use crate::{
     process::command,
     workspace::Workspace,
 };
-use std::path::PathBuf;
+use std::{ffi::OsStr, path::PathBuf};
 
 /// A loop, and the millions of instructions per round that it may take: what it took when it was last
 /// made faster, and a tenth.
@@ -54,7 +55,6 @@ pub fn rows(workspace: &Workspace) -> Result<Vec<Row>, Failure> {
         let (name, unit) = (format!("{}, {}", one.name, one.case), "M instr.");
         let counted = match &peers {
             Err(failure) => Err(format!("no case files: {failure}")),
-            Ok(_) if !Need::Valgrind.met() => Err(Need::Valgrind.advice()),
             Ok(peers) => {
                 let file = peers.case(one.case);
                 let count = |rounds| count(workspace, &program, &[one.task, &file, one.option, rounds]);
@@ -69,11 +69,57 @@ pub fn rows(workspace: &Workspace) -> Result<Vec<Row>, Failure> {
             Err(why) => Row::missing(name, unit, bar, why),
         });
     }
+    rows.push(row(format!("controller step per edge, {AGENTS} agents"), per_edge(workspace)));
+    let [ours, in_c] = ["7-agent FMU, set + doStep + get", "the same law in C"].map(str::to_owned);
+    match Driver::new(workspace) {
+        Ok(driver) => {
+            rows.push(row(ours, per_step(workspace, &driver, &driver.ours)));
+            let peer = driver.peer_c(workspace);
+            rows.push(row(in_c, peer.and_then(|peer| per_step(workspace, &driver, &peer))));
+        }
+        Err(failure) => {
+            let why = failure.to_string();
+            rows.extend([ours, in_c].map(|name| Row::unknown(name, "instr.", why.as_str())));
+        }
+    }
     Ok(rows)
 }
 
+/// Agents whose step is counted.
+const AGENTS: &str = "10000";
+
+/// A row without a bar: the same loops have theirs in time.
+fn row(name: String, counted: Result<f64, Failure>) -> Row {
+    match counted {
+        Ok(count) => Row::figure(name, count, "instr."),
+        Err(failure) => Row::unknown(name, "instr.", failure.to_string()),
+    }
+}
+
+/// Instructions of the controller's step, in process, per undirected edge.
+fn per_edge(workspace: &Workspace) -> Result<f64, Failure> {
+    let program = build(workspace, "controller")?;
+    let arguments = |steps| ["step", "--agents", AGENTS, "--floor", "no", "--steps", steps];
+    let edges = number(&measure(workspace, &program, &arguments("1"))?, "edges")?;
+    let (short, long) = ("2", "22");
+    let more = count(workspace, &program, &arguments(long))? - count(workspace, &program, &arguments(short))?;
+    Ok(more / 20.0 / edges)
+}
+
+/// Instructions of one communication step of an FMU.
+fn per_step(workspace: &Workspace, driver: &Driver, fmu: &Fmu) -> Result<f64, Failure> {
+    let run = |steps| {
+        let (program, arguments) = driver.count(steps, fmu);
+        count(workspace, &program, &arguments)
+    };
+    Ok((run("4000")? - run("2000")?) / 2000.0)
+}
+
 /// Instructions of a whole run.
-fn count(workspace: &Workspace, program: &PathBuf, arguments: &[&str]) -> Result<f64, Failure> {
+fn count(workspace: &Workspace, program: &PathBuf, arguments: &[impl AsRef<OsStr>]) -> Result<f64, Failure> {
+    if !Need::Valgrind.met() {
+        return Err(Failure::Other(Need::Valgrind.advice()));
+    }
     let mut valgrind = command(workspace, "valgrind");
     valgrind.args(["--tool=callgrind", "--callgrind-out-file=/dev/null"]).arg(program).args(arguments);
     let shown = || "valgrind --tool=callgrind".to_owned();

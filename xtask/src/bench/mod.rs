@@ -5,18 +5,20 @@
 
 mod case1;
 mod controller;
+mod drive;
 mod dynamics;
 mod export;
+mod fmu;
 mod instructions;
 mod peers;
 mod power_flow;
 mod program;
 mod row;
+mod summary;
 
 use crate::{error::Failure, workspace::Workspace};
 use clap::ValueEnum;
 use row::Row;
-use serde_json::Value;
 
 /// One family of rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -25,7 +27,9 @@ pub enum Family {
     Case1,
     /// The controller's step for a million agents, against the floor of the machine
     Controller,
-    /// Export of 10,000 agents, against FMPy's reading of it
+    /// The FMU of seven agents through its C interface, against the same law in C and in NumPy
+    Fmu,
+    /// Export and load of 10,000 agents, against FMPy
     Export,
     /// The power flow against lightsim2grid and MATPOWER
     PowerFlow,
@@ -40,6 +44,7 @@ impl Family {
         match self {
             Family::Case1 => case1::rows(workspace, runs),
             Family::Controller => controller::rows(workspace, runs),
+            Family::Fmu => fmu::rows(workspace, runs),
             Family::Export => export::rows(workspace, runs),
             Family::PowerFlow => power_flow::rows(workspace, runs),
             Family::Dynamics => dynamics::rows(workspace, runs),
@@ -48,18 +53,27 @@ impl Family {
     }
 }
 
-/// Measures these families (all, if none is named), prints a table, writes target/bench/summary.json.
+impl Family {
+    /// As on the command line.
+    fn name(self) -> String {
+        self.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+    }
+}
+
+/// Measures these families (all, if none is named), prints a table, brings target/bench/summary.json up to date.
 pub fn run(workspace: &Workspace, runs: u32, only: &[Family]) -> Result<(), Failure> {
     let folder = workspace.target.join("bench");
     std::fs::create_dir_all(&folder).map_err(Failure::file("make", &folder))?;
-    let mut rows = Vec::new();
-    for family in Family::value_variants().iter().filter(|family| only.is_empty() || only.contains(family)) {
-        rows.extend(family.measure(workspace, runs)?);
+    let (mut measured, mut shown) = (Vec::new(), Vec::new());
+    for &family in Family::value_variants().iter().filter(|family| only.is_empty() || only.contains(family)) {
+        // One that fails as a whole must not take the others along.
+        let rows = family.measure(workspace, runs).unwrap_or_else(|failure| {
+            vec![Row::unknown(format!("all of {}", family.name()), "", failure.to_string())]
+        });
+        shown.extend(rows.iter().cloned());
+        measured.push((family, rows));
     }
-    print!("medians of {runs} runs:\n{}", row::table(&rows));
-    let path = folder.join("summary.json");
-    let text = format!("{:#}\n", rows.iter().map(Row::json).collect::<Value>());
-    std::fs::write(&path, text).map_err(Failure::file("write", &path))?;
-    println!("{}", path.display());
+    print!("medians of {runs} runs:\n{}", row::table(&shown));
+    println!("{}", summary::merge(workspace, &measured)?.display());
     Ok(())
 }

@@ -26,22 +26,28 @@ const SOLVES: &str = "21";
 pub fn rows(workspace: &Workspace, runs: u32) -> Result<Vec<Row>, Failure> {
     let program = build(workspace, "grid")?;
     let mut rows = Vec::new();
+    let by_lightsim = ["case57", "case2869pegase", "case9241pegase"]
+        .map(|case| (case, format!("warm power flow, {case}, against lightsim2grid")));
+    let by_matpower = "warm power flow, case_ACTIVSg70k, against MATPOWER";
     let peers = match Peers::new(workspace) {
         Ok(peers) => peers,
         Err(failure) => {
             let why = format!("no case files and peers: {failure}");
-            return Ok(vec![Row::missing("warm power flow", "x the time", LIGHTSIM, why)]);
+            let missing =
+                by_lightsim.map(|(_, name)| Row::missing(name, "x the time", LIGHTSIM, why.as_str()));
+            rows.extend(missing);
+            rows.push(Row::missing(by_matpower, "x faster", MATPOWER, why));
+            return Ok(rows);
         }
     };
-    for case in ["case57", "case2869pegase", "case9241pegase"] {
-        let name = format!("warm power flow, {case}, against lightsim2grid");
+    for (case, name) in by_lightsim {
         rows.push(
             against(workspace, &program, &peers, case, runs, &lightsim)
                 .map(|pairs| pairs.row(&name, "lightsim2grid", false))
                 .unwrap_or_else(|failure| Row::missing(name, "x the time", LIGHTSIM, failure.to_string())),
         );
     }
-    let name = "warm power flow, case_ACTIVSg70k, against MATPOWER";
+    let name = by_matpower;
     provide(workspace, &[Need::Octave]);
     rows.push(if Need::Octave.met() {
         against(workspace, &program, &peers, "case_ACTIVSg70k", runs, &matpower)

@@ -62,6 +62,11 @@ impl Row {
         Self { value: Err(why.into()), bar: Some(bar), ..Self::figure(name, f64::NAN, unit) }
     }
 
+    /// The same without a bar.
+    pub fn unknown(name: impl Into<String>, unit: &'static str, why: impl Into<String>) -> Self {
+        Self { value: Err(why.into()), ..Self::figure(name, f64::NAN, unit) }
+    }
+
     /// With a bar.
     pub fn bar(self, bar: Bar) -> Self {
         Self { bar: Some(bar), ..self }
