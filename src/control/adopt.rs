@@ -86,15 +86,18 @@ impl Controller {
                 }
             }
         }
-        for (i, (was, &is)) in adopted.available.iter_mut().zip(&inputs.available).enumerate() {
-            if *was != is {
-                *was = is;
-                changed = true;
-                events(if is {
-                    Event::AgentJoined { agent: i + 1 }
-                } else {
-                    Event::AgentLeft { agent: i + 1 }
-                });
+        // Of many agents mostly none has come or gone.
+        if adopted.available != inputs.available {
+            for (i, (was, &is)) in adopted.available.iter_mut().zip(&inputs.available).enumerate() {
+                if *was != is {
+                    *was = is;
+                    changed = true;
+                    events(if is {
+                        Event::AgentJoined { agent: i + 1 }
+                    } else {
+                        Event::AgentLeft { agent: i + 1 }
+                    });
+                }
             }
         }
         if changed {

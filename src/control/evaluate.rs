@@ -4,7 +4,7 @@
 use super::config::{Discretisation, MeasurementFilter, VoltagePolicy};
 use super::controller::Controller;
 use super::delay::Quantity;
-use super::diagnosis::{Diagnosis, Seen};
+use super::diagnosis::{CHUNK, Diagnosis, Seen};
 use super::discretisation::{Flow, SignPower, boundary_layer};
 use super::estimator::estimates;
 use super::exchange::{HeldLink, setpoints};
@@ -277,21 +277,29 @@ impl Controller {
         let (available, live) = (&self.state.adopted.available, &self.topology.live);
         let goal = inputs.dispatch.then_some(inputs.P_ref);
         let mut diagnosis = Diagnosis::new(inputs.omega_ref, inputs.V_ref, goal);
-        diagnosis.take(0, live.len(), |i| Seen {
-            available: available[i],
-            live: live[i],
-            told_p: signals.of(Quantity::P)[i],
-            own: [
-                signals.of(Quantity::Omega)[i],
-                self.own(signals, Quantity::P, i),
-                signals.of(Quantity::V)[i],
-                self.own(signals, Quantity::Q, i),
-                signals.of(Quantity::Soc)[i],
-                0.0,
-                0.0,
-                0.0,
-            ],
-        });
+        let n = live.len();
+        let mut own = [[0.0; CHUNK]; 2];
+        for from in (0..n).step_by(CHUNK) {
+            let r = from..n.min(from + CHUNK);
+            let of = |quantity: Quantity| &signals.of(quantity)[r.clone()];
+            for (own, quantity) in own.iter_mut().zip([Quantity::P, Quantity::Q]) {
+                for (own, i) in own.iter_mut().zip(r.clone()) {
+                    *own = self.own(signals, quantity, i);
+                }
+            }
+            diagnosis.take(Seen {
+                available: &available[r.clone()],
+                live: &live[r.clone()],
+                told_p: of(Quantity::P),
+                own: [
+                    of(Quantity::Omega),
+                    &own[0][..r.len()],
+                    of(Quantity::V),
+                    &own[1][..r.len()],
+                    of(Quantity::Soc),
+                ],
+            });
+        }
         self.tell(&diagnosis);
     }
 

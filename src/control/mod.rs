@@ -22,6 +22,7 @@
 
 mod adopt;
 pub mod authority;
+mod blocks;
 pub mod certificates;
 pub mod clustering;
 pub mod communication;
@@ -37,6 +38,7 @@ pub mod event;
 pub mod exchange;
 pub mod graph;
 pub mod io;
+mod kernels;
 pub mod lag;
 pub mod limits;
 pub mod network;

@@ -134,7 +134,10 @@ impl Stage {
                 start(test.env("BESS_COFMUPY_PYTHON", cofmupy).args(pytest))
             }
             Stage::Grids => start(python::tests(workspace, "grids", "grids")?.args(pytest)),
-            Stage::Run => CASES.iter().try_for_each(|case| scenario::run(workspace, Path::new(case), &[])),
+            Stage::Run => CASES
+                .iter()
+                .try_for_each(|case| scenario::run(workspace, Path::new(case), &[]))
+                .and_then(|()| scenario::isolated(workspace)),
             Stage::Browser => CASES.iter().try_for_each(|case| {
                 let report = Path::new(&scenario::results(Path::new(case))?).join("report.html");
                 start(command(workspace, "python3").arg("tests/browser/check_report.py").arg(report))

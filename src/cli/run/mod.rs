@@ -20,6 +20,7 @@ use comparison::Compared;
 use ended::Ended;
 use miette::{IntoDiagnostic, WrapErr};
 use record::{How, Record, record};
+use results::Results;
 use std::path::{Path, PathBuf};
 
 /// The command line of `bess run`.
@@ -34,6 +35,7 @@ use std::path::{Path, PathBuf};
 
 DIR holds afterwards: trajectory.csv (time, controller.NAME, grid.NAME), summary.json, report.html. While it runs, and
 where it ended early, the trajectory is called trajectory.csv.part: whole lines, up to the last whole second.
+Exit codes: 0 done, 1 the run failed, 2 the command line or the scenario is wrong, 3 an isolated FMU crashed or hung.
 An FMU gets the scenario's parameters where it has parameters of the same names. Names and units that
 differ from the controller's go into the scenario's `connections`; docs/your-grid.md has examples.")]
 pub struct RunArgs {
@@ -106,24 +108,28 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
         }
     }
     let (ended, failure) = ended.unzip();
-    let mut results = results::Results::new(&resolved, &main, &compared, ended)?;
-    if failure.is_none() {
-        results.faults.extend(faults::own_row(&resolved, &main, results.agents())?);
-        for (trial, resolved) in &trials {
-            let cast = Cast { controller: Cast::of(resolved).controller, ..self::cast(args, resolved) };
-            results.faults.push(faults::run_trial(trial, (resolved, &cast), results.agents(), &alone)?);
+    let written = Results::new(&resolved, &main, &compared, ended).and_then(|mut results| {
+        if failure.is_none() {
+            results.faults.extend(faults::own_row(&resolved, &main, results.agents())?);
+            for (trial, resolved) in &trials {
+                let cast = Cast { controller: Cast::of(resolved).controller, ..self::cast(args, resolved) };
+                results.faults.push(faults::run_trial(trial, (resolved, &cast), results.agents(), &alone)?);
+            }
         }
-    }
-    results.write_summary(&folder.join("summary.json"))?;
-    if !args.no_report {
-        write(&results.report(&resolved, &main, &compared)?, &folder)?;
-    }
+        results.write_summary(&folder.join("summary.json"))?;
+        if !args.no_report {
+            write(&results.report(&resolved, &main, &compared)?, &folder)?;
+        }
+        Ok(results)
+    });
     for warning in unlikely(args, &resolved).iter().chain(&main.outcome.warnings) {
         eprintln!("warning: {warning}");
     }
     if let Some(failure) = failure {
-        return Err(with_remains(failure, args, &folder));
+        // What ended the run matters more than what could not be written after it.
+        return Err(if written.is_ok() { with_remains(failure, args, &folder) } else { failure });
     }
+    let results = written?;
     Keeping::clear(&folder).into_diagnostic().wrap_err("the checkpoint cannot be removed")?;
     if args.quiet {
         return Ok(());
@@ -134,7 +140,8 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
 /// A run that ended before anything was recorded: a report only if a participant failed of its own.
 fn stillborn(args: &RunArgs, resolved: &Resolved, folder: &Path, error: HarnessError) -> Failure {
     let failure = failed(&error);
-    if failure.code == 2 || args.no_report {
+    let is_a_participants = matches!(error, HarnessError::Run { .. } | HarnessError::Call { .. });
+    if failure.code == 2 || !is_a_participants || args.no_report {
         return failure;
     }
     match write(&Ended::of(&error, None).report(resolved), folder) {

@@ -147,7 +147,11 @@ impl Results {
     pub fn write_summary(&self, path: &Path) -> Result<(), Failure> {
         let text = serde_json::to_string_pretty(self).into_diagnostic()?;
         let folder = path.parent().unwrap_or(Path::new("."));
-        let written = tempfile::NamedTempFile::new_in(folder).and_then(|mut file| {
+        let mut builder = tempfile::Builder::new();
+        // Readable like any other file of the user.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let written = builder.tempfile_in(folder).and_then(|mut file| {
             writeln!(file, "{text}")?;
             file.persist(path).map_err(|e| e.error).map(|_| ())
         });

@@ -54,8 +54,7 @@ fn suite(root: &Path, folder: &Path) -> Result<Vec<String>, Failure> {
     let name = folder.strip_prefix(root).unwrap_or(folder).display();
     let (wanted, pinned) = (read("requirements.in")?, read("requirements.txt")?);
     let (versions, mut findings) = hashed(&pinned);
-    for requirement in wanted.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'))
-    {
+    for requirement in wanted.lines().map(str::trim).filter(|line| says_something(line)) {
         match version(requirement) {
             None => findings.push(format!("requirements.in: `{requirement}` has no `==`")),
             Some(pin) if !versions.contains(&pin) => {
@@ -71,7 +70,7 @@ fn suite(root: &Path, folder: &Path) -> Result<Vec<String>, Failure> {
 fn hashed(text: &str) -> (BTreeSet<String>, Vec<String>) {
     let (mut pins, mut findings) = (BTreeSet::new(), Vec::new());
     let joined = text.replace("\\\n", " ");
-    for line in joined.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#')) {
+    for line in joined.lines().map(str::trim).filter(|line| says_something(line)) {
         let requirement = line.split(" --hash").next().unwrap_or(line).trim();
         let hashes: Vec<&str> = line.split_whitespace().filter(|word| word.starts_with("--hash")).collect();
         let is_hash = |word: &&str| {
@@ -87,6 +86,14 @@ fn hashed(text: &str) -> (BTreeSet<String>, Vec<String>) {
         }
     }
     (pins, findings)
+}
+
+/// Neither empty nor a comment, nor what only forbids to build from source.
+fn says_something(line: &str) -> bool {
+    !(line.is_empty()
+        || line.starts_with('#')
+        || line == "--only-binary :all:"
+        || line == "--only-binary=:all:")
 }
 
 /// `Name[extra]==1.2 ; marker` -> `name==1.2`; none if that is not its form.

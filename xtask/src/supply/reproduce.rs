@@ -66,7 +66,10 @@ pub fn reproduce(workspace: &Workspace, only: Option<&str>) -> Result<(), Failur
         .ok_or_else(|| Failure::Other(format!("no FMI 2.0 platform name for {}", std::env::consts::OS)))?;
     let models: Vec<_> =
         MODELS.into_iter().filter(|(_, model)| only.is_none_or(|only| only == *model)).collect();
-    let first = fmu::build_here(workspace, platform)?;
+    for (package, _) in &models {
+        fmu::build_library(workspace, package, None)?;
+    }
+    let first = fmu::libraries(workspace, platform);
 
     let copy = std::env::temp_dir().join(format!("bess-reproduce-{}", std::process::id()));
     let begin = Instant::now();
