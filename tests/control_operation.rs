@@ -5,6 +5,7 @@
 mod control_support;
 
 use bess_consensus::control::config::{Channel, MeasurementFilter, VoltagePolicy};
+use bess_consensus::control::told::{MessageFault, MessageFaultKind, Told};
 use bess_consensus::control::{Config, Controller, Event, State};
 use control_support::*;
 
@@ -24,9 +25,20 @@ fn bits(controller: &Controller) -> Vec<u8> {
 
 type Change = fn(&mut Config);
 
+/// Some that begin before the rollback and end after it.
+fn message_faults() -> Vec<MessageFault> {
+    let of = |agent, told, kind| MessageFault { agent, told, kind, from_s: 0.2, until_s: Some(0.6) };
+    vec![
+        of(2, None, MessageFaultKind::Freeze),
+        of(4, Some(Told::Omega), MessageFaultKind::Drift { rate_per_s: 0.01 }),
+        of(5, None, MessageFaultKind::Nan),
+        of(6, None, MessageFaultKind::Stuck { value: None }),
+    ]
+}
+
 #[test]
 fn rollback_and_repetition_are_bit_identical() {
-    let changes: [Change; 6] = [
+    let changes: [Change; 8] = [
         |_| {},
         |c| c.delay_s = 0.05,
         |c| c.channel = Channel { jitter_s: 0.03, loss: 0.3, seed: 5 },
@@ -41,6 +53,16 @@ fn rollback_and_repetition_are_bit_identical() {
             c.limits.Q_max = Some(vec![0.4; 7]);
             c.no_circulation = true;
             c.exchange_fade_s = 0.3;
+        },
+        |c| {
+            c.message_faults = message_faults();
+            (c.outlier_filter, c.silence_s) = (1, Some(0.1));
+        },
+        |c| {
+            c.message_faults = message_faults();
+            c.voltage_policy = VoltagePolicy::Average;
+            c.channel = Channel { jitter_s: 0.03, loss: 0.3, seed: 5 };
+            (c.delay_s, c.silence_s) = (0.05, Some(0.2));
         },
     ];
     for change in changes {

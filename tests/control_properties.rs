@@ -56,8 +56,13 @@ impl Rates {
     fn of(&mut self, network: &Network, pinned: bool, e: &[f64], flow: &Flow, u: &mut [f64]) {
         let quantity = if pinned { Quantity::Omega } else { Quantity::P };
         self.signals.of_mut(quantity).copy_from_slice(e);
-        let view =
-            View { network, history: &self.history, signals: &self.signals, late: Lateness::default() };
+        let view = View {
+            network,
+            history: &self.history,
+            signals: &self.signals,
+            told: &self.signals,
+            late: Lateness::default(),
+        };
         if pinned {
             frequency(view, flow, &self.zeros, 0.0, u);
         } else {

@@ -24,6 +24,27 @@ fn config(n: usize, random: &mut Random) -> Config {
             edges.push(edge(a, b, random.within(0.2, 1.0)));
         }
     }
+    with(n, edges, random)
+}
+
+/// A band: every agent talks to those a few numbers away. Of the edges some are missing, and in the middle third
+/// a few far ones are added, so that diagonals without gaps, with gaps, and none at all are met.
+fn band(n: usize, missing: f64, random: &mut Random) -> Config {
+    let mut edges: Vec<_> = (0..n - 1).map(|i| edge(i, i + 1, random.within(0.2, 1.0))).collect();
+    for i in 0..n {
+        for far in [2, 4, 70] {
+            if i + far < n && random.within(0.0, 1.0) >= missing {
+                edges.push(edge(i, i + far, random.within(0.2, 1.0)));
+            }
+        }
+        if i > n / 3 && i < n / 2 && i % 3 == 0 {
+            edges.push(edge(i, i + 100 + i % 31, random.within(0.2, 1.0)));
+        }
+    }
+    with(n, edges, random)
+}
+
+fn with(n: usize, edges: Vec<communication::ExplicitEdge>, random: &mut Random) -> Config {
     let pins = (0..3).map(|k| pin(k * n / 3, random.within(0.5, 1.0))).collect();
     Config {
         K_P: random.values(n, 0.002, 0.006),
@@ -62,6 +83,11 @@ fn bits(controller: &Controller) -> Vec<u8> {
 fn same_bits(n: usize, eta: f64, discretisation: Discretisation) {
     let mut random = Random(n as u64 + 1);
     let plain = Config { eta, discretisation, ..config(n, &mut random) };
+    same_bits_of(plain, random);
+}
+
+fn same_bits_of(plain: Config, mut random: Random) {
+    let (n, eta) = (plain.agents(), plain.eta);
     let limits = Limits { omega_set_rate: Some(vec![1e300; n]), ..Limits::default() };
     let (mut swept, mut whole) =
         (Controller::new(plain.clone()).unwrap(), Controller::new(Config { limits, ..plain }).unwrap());
@@ -94,4 +120,18 @@ fn few_agents_and_many_at_all_exponents() {
 #[test]
 fn the_bare_law() {
     same_bits(300, 0.5, Discretisation::Explicit);
+}
+
+#[test]
+fn along_diagonals_with_and_without_gaps() {
+    // The last has more agents than give evidence of how late measurements are.
+    for (n, missing, etas) in
+        [(300, 0.0, &[0.5, 0.3][..]), (480, 0.2, &[0.5, 0.3]), (480, 0.8, &[0.5]), (9000, 0.1, &[0.5])]
+    {
+        for &eta in etas {
+            let mut random = Random(n as u64 + 1);
+            let plain = Config { eta, ..band(n, missing, &mut random) };
+            same_bits_of(plain, random);
+        }
+    }
 }

@@ -1,90 +1,13 @@
-//! `bess run` when it does not go well: an FMU that crashes or hangs, a run that is killed and resumed, a checkpoint of
-//! another run. What is on disk then, and what the exit code says.
+//! `bess run` when it does not go well: an FMU that crashes or hangs, a run that is killed. What is on disk then, and
+//! what the exit code says.
 #![cfg(all(feature = "host", target_os = "linux"))]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod harness_support;
+mod run_support;
 
-use harness_support::{compile, fmu, integrator_xml};
+use run_support::{PART, Running, bess, files, output, scenario, summary, times, until};
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
-
-const PART: &str = "trajectory.csv.part";
-
-fn bess(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bess"));
-    command.args(arguments).current_dir(folder).stdin(Stdio::null());
-    command
-}
-
-fn output(folder: &Path, arguments: &[&str]) -> (Option<i32>, String) {
-    let Output { status, stderr, .. } = bess(folder, arguments).output().unwrap();
-    let said = String::from_utf8_lossy(&stderr).replace('\u{2502}', " ");
-    (status.code(), said.split_whitespace().collect::<Vec<_>>().join(" "))
-}
-
-/// Two batteries beside an FMU that holds its frequency and misbehaves in step `at`: 50 of them make a second.
-fn scenario(folder: &Path, fault: u32, at: u32) {
-    let xml = integrator_xml();
-    let library = compile(&[&format!("-DFAULT={fault}"), &format!("-DAT={at}")]);
-    std::fs::rename(fmu(folder, &xml, &library), folder.join("Toy.fmu")).unwrap();
-    let battery = |bus: u32| json!({"bus": bus, "K_P": 0.01, "K_Q": 0.05, "capacity": 1.0});
-    let line = |from: &str, to: &str| json!({"from": from, "to": to});
-    let document = json!({
-        "extends": "case1",
-        "name": "toy",
-        "stop_s": 10,
-        "step_s": 0.02,
-        "bess": [battery(1), battery(2)],
-        "grid": {"case": "none", "fmu": "Toy.fmu"},
-        "bases": {"MVA": 100, "kV": 20, "Hz": 50},
-        "communication": {"distance": {"given": [[0, 1], [1, 0]]}},
-        "control": {"gains": {"E": 0, "V": 0, "Q": 0}},
-        "connections": [
-            line("grid.y", "controller.omega[{i}]"),
-            line("controller.omega_set[1]", "grid.u"),
-            line("controller.omega_set[2]", "grid.mode"),
-        ],
-        "initial": {
-            "grid.x_start": 1, "controller.P[{i}]": 0.1, "controller.Q[{i}]": 0, "controller.V[{i}]": 1,
-            "controller.E[{i}]": 0.5,
-        },
-        "events": [
-            {"at_s": 0, "label": "held", "set": {"grid.enable": false}},
-            {"at_s": 1, "label": "on", "set": {"controller.enable": true}},
-        ],
-        "compare": [],
-    });
-    std::fs::write(folder.join("toy.json"), document.to_string()).unwrap();
-}
-
-/// The times of a trajectory; every line whole.
-fn times(path: &Path) -> Vec<f64> {
-    let text = std::fs::read_to_string(path).unwrap();
-    assert!(text.ends_with('\n'), "the last line is cut");
-    let width = text.lines().next().unwrap().split(',').count();
-    let rows = text.lines().skip(1);
-    rows.map(|row| {
-        assert_eq!(row.split(',').count(), width);
-        row.split(',').next().unwrap().parse().unwrap()
-    })
-    .collect()
-}
-
-fn files(folder: &Path) -> Vec<String> {
-    let mut names: Vec<String> = std::fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect();
-    names.sort();
-    names
-}
-
-fn summary(folder: &Path) -> Value {
-    serde_json::from_slice(&std::fs::read(folder.join("summary.json")).unwrap()).unwrap()
-}
 
 #[test]
 fn a_crash_and_a_hang_end_the_run_with_what_there_is() {
@@ -180,32 +103,20 @@ fn children(process: u32) -> Vec<u32> {
     text.split_whitespace().map(|number| number.parse().unwrap()).collect()
 }
 
-fn until(what: &str, mut is_so: impl FnMut() -> bool) {
-    let begun = Instant::now();
-    while !is_so() {
-        assert!(begun.elapsed() < Duration::from_secs(120), "never: {what}");
-        std::thread::sleep(Duration::from_millis(1));
-    }
-}
-
-fn kill(child: &mut Child) {
-    child.kill().unwrap();
-    child.wait().unwrap();
-}
-
 #[test]
 fn an_fmu_that_hangs_does_not_outlive_the_run() {
     let folder = tempfile::tempdir().unwrap();
     scenario(folder.path(), 2, 150);
-    let mut run = bess(folder.path(), &["run", "toy.json", "--isolate", "--call-limit", "1h", "-o", "out"])
-        .spawn()
-        .unwrap();
+    let mut run = Running::start(bess(
+        folder.path(),
+        &["run", "toy.json", "--isolate", "--call-limit", "1h", "-o", "out"],
+    ));
     // It hangs in the step from 3 s on; the row of 3 s is there then.
     let part = folder.path().join("out").join(PART);
     until("the row of 3 s", || std::fs::read_to_string(&part).is_ok_and(|text| text.contains("\n3.0,")));
-    let workers = children(run.id());
+    let workers = children(run.0.id());
     assert_eq!(workers.len(), 1);
-    kill(&mut run);
+    run.kill();
     let gone = |process: &u32| {
         let status = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
         status.is_empty() || status.contains(") Z ")
@@ -215,175 +126,30 @@ fn an_fmu_that_hangs_does_not_outlive_the_run() {
     assert_eq!(times(&part).last(), Some(&3.0));
 }
 
-/// What a summary says but for the clock.
-fn timeless(folder: &Path) -> Value {
-    let mut summary = summary(folder);
-    for key in ["wall_s", "real_time_factor", "resumed_at_s"] {
-        summary.as_object_mut().unwrap().remove(key);
-    }
-    summary
-}
-
-/// Killed at these shares of its trajectory and resumed after each, a run leaves the bytes of one that was let alone.
-fn killed_and_resumed(folder: &Path, run: &[&str], shares: &[f64]) {
-    let mut plain = run.to_vec();
-    plain.extend(["-o", "plain"]);
-    let (code, message) = output(folder, &plain);
-    assert_eq!(code, Some(0), "{message}");
-    let expected = std::fs::read(folder.join("plain/trajectory.csv")).unwrap();
-    let mut start = run.to_vec();
-    start.extend(["-o", "killed", "--checkpoint", "250ms"]);
-    let (results, mut kills) = (folder.join("killed"), 0);
-    for (number, share) in shares.iter().enumerate() {
-        if number > 0 {
-            if !results.join("checkpoint.bin").exists() {
-                break;
-            }
-            start.retain(|word| !["--checkpoint", "250ms", "--resume"].contains(word));
-            start.push("--resume");
-        }
-        let mut child = bess(folder, &start).stdout(Stdio::null()).spawn().unwrap();
-        let enough = (share * expected.len() as f64) as u64;
-        let size = |name: &str| std::fs::metadata(results.join(name)).map_or(0, |data| data.len());
-        let mut is_over = false;
-        until("enough of the trajectory, or the end", || {
-            is_over = child.try_wait().unwrap().is_some();
-            is_over || (size(PART) > enough && size("checkpoint.bin") > 0)
-        });
-        if is_over {
-            break;
-        }
-        kill(&mut child);
-        kills += 1;
-        assert!(!results.join("summary.json").exists(), "a result under its final name");
-    }
-    assert!(kills > 0, "it was always over first");
-    let mut last = run.to_vec();
-    last.extend(["-o", "killed", "--resume"]);
-    if results.join("checkpoint.bin").exists() {
-        let (code, message) = output(folder, &last);
-        assert_eq!(code, Some(0), "{message}");
-    }
-    let found = std::fs::read(results.join("trajectory.csv")).unwrap();
-    assert!(found == expected, "after {kills} kills the trajectory differs");
-    assert_eq!(timeless(&results), timeless(&folder.join("plain")));
-    assert!(!files(&results).iter().any(|name| name.contains("checkpoint")), "{:?}", files(&results));
-}
-
-#[test]
-fn our_own_models_killed_and_resumed_leave_the_same_bytes() {
-    let folder = tempfile::tempdir().unwrap();
-    // Past the events at 20 s and 50 s; with delay, so that the history in flight is part of the state.
-    let run = [
-        "run",
-        "case4",
-        "--set",
-        "stop_s=60",
-        "--set",
-        "record_every=3",
-        "--set",
-        "step_s=0.005",
-        "--no-report",
-    ];
-    killed_and_resumed(folder.path(), &run, &[0.0, 0.23, 0.41, 0.77, 0.93]);
-}
-
-#[test]
-fn fmus_killed_and_resumed_leave_the_same_bytes() {
-    let folder = tempfile::tempdir().unwrap();
-    scenario(folder.path(), 0, 0);
-    let run = ["run", "toy.json", "--isolate", "--set", "step_s=0.001"];
-    killed_and_resumed(folder.path(), &run, &[0.11, 0.52, 0.86]);
-}
-
-#[test]
-fn a_checkpoint_of_another_run_is_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    scenario(folder.path(), 1, 150);
-    let resume = |more: &[&str]| {
-        let mut arguments = vec!["run", "toy.json", "--resume", "--isolate", "-o", "out"];
-        arguments.extend(more);
-        output(folder.path(), &arguments)
-    };
-    let (code, message) = resume(&[]);
-    assert_eq!(code, Some(2), "{message}");
-    assert!(
-        message.contains("there is no checkpoint to resume from; start the run with --checkpoint"),
-        "{message}"
-    );
-    assert!(!folder.path().join("out").exists());
-
-    let (code, message) =
-        output(folder.path(), &["run", "toy.json", "--isolate", "--checkpoint", "1", "-o", "out"]);
-    assert_eq!(code, Some(3), "{message}");
-    assert!(message.contains("with --resume goes on from the last checkpoint"), "{message}");
-    let out = folder.path().join("out");
-    let whole = |name: &str| std::fs::read(out.join(name)).unwrap();
-    // Resumed as it is, it crashes again at the same place, and not before.
-    let (code, message) = resume(&[]);
-    assert_eq!(code, Some(3), "{message}");
-    assert_eq!(summary(&out)["ended"]["time_s"], json!(3.0));
-    let before: Vec<Vec<u8>> = files(&out).iter().map(|name| whole(name)).collect();
-
-    let (code, message) = resume(&["--set", "control.eta=0.4"]);
-    assert_eq!(code, Some(2), "{message}");
-    assert!(
-        message.contains("belongs to another run: the scenario's control.eta was 0.5; it is now 0.4"),
-        "{message}"
-    );
-
-    std::fs::copy(folder.path().join("Toy.fmu"), folder.path().join("Crashing.fmu")).unwrap();
-    scenario(folder.path(), 0, 0);
-    let (code, message) = resume(&[]);
-    assert_eq!(code, Some(2), "{message}");
-    assert!(message.contains("belongs to another run: the model of grid was {integrator-1}"), "{message}");
-    std::fs::rename(folder.path().join("Crashing.fmu"), folder.path().join("Toy.fmu")).unwrap();
-    assert!(
-        files(&out).iter().map(|name| whole(name)).collect::<Vec<_>>() == before,
-        "a refusal changed something"
-    );
-
-    for (name, said) in [
-        (PART, "does not begin with what the checkpoint says"),
-        ("checkpoint.samples", "does not begin with what the checkpoint says"),
-        ("checkpoint.bin", "its checksum does not fit"),
-    ] {
-        let good = whole(name);
-        let mut bad = good.clone();
-        bad[good.len() / 3] ^= 1;
-        std::fs::write(out.join(name), &bad).unwrap();
-        let (code, message) = resume(&[]);
-        assert!(code == Some(1) || code == Some(2), "{message}");
-        assert!(message.contains(said), "{name}: {message}");
-        std::fs::write(out.join(name), &good).unwrap();
-    }
-}
-
 #[test]
 fn two_runs_do_not_write_into_one_folder() {
     let folder = tempfile::tempdir().unwrap();
     scenario(folder.path(), 2, 150);
     let arguments = ["run", "toy.json", "--isolate", "--call-limit", "1h", "-o", "out"];
-    let mut first = bess(folder.path(), &arguments).spawn().unwrap();
+    let mut first = Running::start(bess(folder.path(), &arguments));
     let part = folder.path().join("out").join(PART);
     until("the first one's file", || std::fs::metadata(&part).is_ok_and(|data| data.len() > 0));
     let (code, message) = output(folder.path(), &arguments);
-    kill(&mut first);
+    assert_eq!(files(&folder.path().join("out")), [PART], "the second one left something");
+    first.kill();
     assert_eq!(code, Some(1), "{message}");
     assert!(message.contains("is being written by another run"), "{message}");
 }
 
+/// Without isolation the program dies with it; what the last whole second left is there.
 #[test]
-fn an_fmu_without_states_is_refused_at_the_start() {
+fn a_crash_of_the_whole_program_leaves_the_trajectory() {
     let folder = tempfile::tempdir().unwrap();
-    scenario(folder.path(), 0, 0);
-    let xml = integrator_xml().replace("canSerializeFMUstate=\"1\"", "");
-    let path: PathBuf = fmu(folder.path(), &xml, &compile(&[]));
-    std::fs::rename(path, folder.path().join("Toy.fmu")).unwrap();
-    let (code, message) = output(folder.path(), &["run", "toy.json", "--checkpoint", "1s", "-o", "out"]);
-    assert_eq!(code, Some(1), "{message}");
-    assert!(
-        message.contains("grid at t = 0.0 s: fmi2SerializeFMUstate: not called: the FMU does not declare"),
-        "{message}"
-    );
+    // It waits two seconds before it crashes, so that a whole second of the clock has passed too.
+    scenario(folder.path(), 22, 150);
+    let (code, message) = output(folder.path(), &["run", "toy.json", "-o", "out"]);
+    assert_eq!(code, None, "{message}");
+    assert_eq!(files(&folder.path().join("out")), [PART]);
+    let times = times(&folder.path().join("out").join(PART));
+    assert_eq!((times.len(), times.last()), (151, Some(&3.0)));
 }

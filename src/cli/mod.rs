@@ -30,7 +30,7 @@ use std::process::ExitCode;
   bess cluster case1                              who talks to whom, and why
   bess check MyGrid.fmu                           what is wrong with an FMU, and who refuses it
 
-SCENARIO is a JSON file or a built-in name: case1, case2, case3, case4, plug_and_play, voltage, energy.")]
+SCENARIO is a JSON file or a built-in name: case1, case2, case3, case4, plug_and_play, voltage, energy, faults.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -66,7 +66,7 @@ enum Command {
 /// A scenario with some keys changed.
 #[derive(Args, Clone)]
 pub struct ScenarioArgs {
-    /// JSON file or built-in name: case1, case2, case3, case4, plug_and_play, voltage, energy
+    /// JSON file or built-in name: case1, case2, case3, case4, plug_and_play, voltage, energy, faults
     #[arg(value_name = "SCENARIO")]
     scenario: String,
     /// Change a key of the scenario: --set control.gains.E=0 (repeatable)

@@ -3,7 +3,7 @@
 
 use super::authority::Authority;
 use super::config::{Config, Law, Limits, MeasurementFilter};
-use super::delay::{History, Signals};
+use super::delay::{History, QUANTITIES, Signals};
 use super::error::ConfigError;
 use super::event::Event;
 use super::exchange::Exchange;
@@ -13,6 +13,7 @@ use super::limits::LimitTable;
 use super::network::{Lateness, Network};
 use super::state::{Adopted, Clock, Lags, State};
 use super::time::{nanoseconds, seconds};
+use super::told::MessageFault;
 use super::topology::{Topologies, Topology};
 use super::wave::Wave;
 use super::{adopt::Spectrum, config::Channel, discretisation::SignPower};
@@ -44,6 +45,9 @@ pub(super) struct Fixed {
     pub no_circulation: bool,
     pub lost_link_fade_s: Option<f64>,
     pub exchange_fade_s: f64,
+    pub silence_ns: Option<i64>,
+    pub outlier_filter: u32,
+    pub message_faults: Vec<MessageFault>,
     /// Whether no option asks for more than `sweep` does.
     pub is_plain: bool,
 }
@@ -66,6 +70,10 @@ pub(super) struct Scratch {
     pub owed: [Vec<f64>; 2],
     pub authority: Vec<Authority>,
     pub wave: Wave,
+    /// What agents tell, who tells nothing and who has stopped; empty without faults of messages.
+    pub told: Signals,
+    pub mute: Vec<bool>,
+    pub frozen: Vec<bool>,
 }
 
 /// Whether `sweep` does all that a configuration asks for, as far as nothing changes it between steps. Every option
@@ -96,12 +104,18 @@ fn is_plain(config: &Config) -> bool {
         measurement_filter,
         no_circulation,
         lost_link_fade_s,
+        silence_s,
+        outlier_filter,
+        message_faults,
     } = config;
     *law == Law::FiniteTime
         && *limits == Limits::default()
         && *measurement_filter == MeasurementFilter::default()
         && !no_circulation
         && lost_link_fade_s.is_none()
+        && silence_s.is_none()
+        && *outlier_filter == 0
+        && message_faults.is_empty()
 }
 
 impl Controller {
@@ -134,6 +148,7 @@ impl Controller {
             followed: Vec::new(),
             owed: Default::default(),
             authority: Vec::new(),
+            told: Vec::new(),
             inputs,
         };
         let topology = topologies.build(0, &state.adopted.available);
@@ -145,9 +160,13 @@ impl Controller {
             no_circulation: config.no_circulation,
             lost_link_fade_s: config.lost_link_fade_s,
             exchange_fade_s: config.exchange_fade_s,
+            silence_ns: config.silence_s.map(nanoseconds),
+            outlier_filter: config.outlier_filter,
+            message_faults: config.message_faults.clone(),
             is_plain: is_plain(&config),
         };
         let bounded = fixed.limits.power || fixed.no_circulation;
+        let faulty = if fixed.message_faults.is_empty() { 0 } else { n };
         let scratch = Scratch {
             signals: Signals::new(n),
             filtered: vec![0.0; if fixed.filter == MeasurementFilter::default() { 0 } else { 5 * n }],
@@ -157,6 +176,9 @@ impl Controller {
             followed: vec![0.0; if bounded { n } else { 0 }],
             owed: std::array::from_fn(|_| vec![0.0; if fixed.limits.power { n } else { 0 }]),
             authority: vec![Authority::default(); if fixed.limits.power { n } else { 0 }],
+            told: Signals::new(faulty),
+            mute: vec![false; faulty],
+            frozen: vec![false; faulty],
             ..Scratch::default()
         };
         let mut controller = Self {
@@ -260,6 +282,7 @@ impl Controller {
         self.state.owed.clone_from(&self.scratch.owed);
         self.state.authority.clone_from(&self.scratch.authority);
         self.state.fade_left_ns = nanoseconds(self.fixed.exchange_fade_s);
+        self.state.told = vec![0.0; QUANTITIES * self.scratch.mute.len()];
         self.state.held.clear();
         self.state.history = History::new(n, 0);
         self.state.lags = Lags::start(&self.state.outputs);
@@ -295,6 +318,7 @@ impl Controller {
             self.sweep(duration_ns, true);
             self.pass(start_ns, duration_ns);
         } else {
+            self.fade_in_who_is_back(start_ns);
             self.evaluate(start_ns, duration_ns);
             self.advance(start_ns, duration_ns);
         }
@@ -323,7 +347,7 @@ impl Controller {
                 return Err(error);
             }
         }
-        self.tune();
+        self.tune_to_state();
         Ok(())
     }
 
@@ -340,6 +364,7 @@ impl Controller {
             limits: &self.fixed.limits,
             no_circulation: self.fixed.no_circulation,
             late: Lateness::default(),
+            mute: &self.scratch.mute,
         }
     }
 

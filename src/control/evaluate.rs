@@ -4,12 +4,12 @@
 use super::config::{Discretisation, MeasurementFilter, VoltagePolicy};
 use super::controller::Controller;
 use super::delay::Quantity;
-use super::diagnosis::{Diagnosis, Seen};
+use super::diagnosis::{CHUNK, Diagnosis, Seen};
 use super::discretisation::{Flow, SignPower, boundary_layer};
 use super::estimator::estimates;
 use super::exchange::{HeldLink, setpoints};
 use super::lag::{Lag, no_load};
-use super::network::Lateness;
+use super::network::{Hearing, Lateness};
 use super::protocol::{View, active_power, average_voltage, energy, frequency, reactive_power, voltage};
 use super::scalar::Scalar;
 use super::time::seconds;
@@ -42,11 +42,19 @@ impl Controller {
     pub(super) fn evaluate(&mut self, now_ns: i64, h_ns: i64) {
         let h_s = seconds(h_ns);
         self.measure(now_ns);
+        self.find_faulty(now_ns);
+        let mut told = std::mem::take(&mut self.scratch.told);
+        self.tell_instead((now_ns, 0.0), &self.scratch.signals, &mut told);
+        self.scratch.told = told;
         let clock = self.state.clock;
         self.network.listen(
             &self.state.history,
             (now_ns, clock.samples),
-            &self.fixed.channel,
+            Hearing {
+                channel: &self.fixed.channel,
+                silence_ns: self.fixed.silence_ns,
+                mute: &self.scratch.mute,
+            },
             &self.state.received_ns,
             &mut self.scratch.received_ns,
         );
@@ -55,6 +63,7 @@ impl Controller {
             self.laws(h_s);
             self.limit(h_s);
             self.exchange(h_ns);
+            self.hold_frozen();
         } else {
             for i in 0..self.agents() {
                 self.rest(i);
@@ -90,7 +99,7 @@ impl Controller {
             signals.of_mut(Quantity::Soc)[i] = inputs.E[i] / parameters.capacity[i];
         }
         if !scratch.filtered.is_empty() {
-            let elapsed_s = seconds((now_ns - state.clock.sampled_ns).max(0));
+            let elapsed_s = seconds(now_ns.saturating_sub(state.clock.sampled_ns).max(0));
             for (k, (quantity, constant_s)) in filters(&self.fixed.filter).into_iter().enumerate() {
                 // The exact response of a first-order lag to a held measurement.
                 let share = if constant_s > 0.0 { -(-elapsed_s / constant_s).exp_m1() } else { 1.0 };
@@ -129,7 +138,7 @@ impl Controller {
         if scratch.shares.is_empty() {
             return;
         }
-        let elapsed_s = seconds((now_ns - state.clock.sampled_ns).max(0));
+        let elapsed_s = seconds(now_ns.saturating_sub(state.clock.sampled_ns).max(0));
         let first = state.clock.samples == 0;
         let new = |T_s: f64| if first || T_s == 0.0 { 1.0 } else { -(-elapsed_s / T_s).exp_m1() };
         let followed = new(followed_s);
@@ -183,6 +192,7 @@ impl Controller {
             network: &self.network,
             history: &self.state.history,
             signals: &self.scratch.signals,
+            told: self.scratch.told(),
             late: Lateness::default(),
         };
         let dispatch = inputs.dispatch.then_some(inputs.P_ref);
@@ -194,6 +204,7 @@ impl Controller {
             network: &self.network,
             history: &self.state.history,
             signals: &self.scratch.signals,
+            told: self.scratch.told(),
             late: Lateness::default(),
         };
         frequency(view, &flow_omega, &outputs.u_P, inputs.omega_ref, &mut outputs.u_omega);
@@ -235,7 +246,7 @@ impl Controller {
         self.exchange_of(self.power(), theta_s, h_ns).flows(
             &self.network,
             &self.state.history,
-            &self.scratch.signals,
+            self.scratch.told(),
             &self.state.flows,
             &mut flows,
             &mut saturated,
@@ -266,21 +277,29 @@ impl Controller {
         let (available, live) = (&self.state.adopted.available, &self.topology.live);
         let goal = inputs.dispatch.then_some(inputs.P_ref);
         let mut diagnosis = Diagnosis::new(inputs.omega_ref, inputs.V_ref, goal);
-        diagnosis.take(0, live.len(), |i| Seen {
-            available: available[i],
-            live: live[i],
-            told_p: signals.of(Quantity::P)[i],
-            own: [
-                signals.of(Quantity::Omega)[i],
-                self.own(signals, Quantity::P, i),
-                signals.of(Quantity::V)[i],
-                self.own(signals, Quantity::Q, i),
-                signals.of(Quantity::Soc)[i],
-                0.0,
-                0.0,
-                0.0,
-            ],
-        });
+        let n = live.len();
+        let mut own = [[0.0; CHUNK]; 2];
+        for from in (0..n).step_by(CHUNK) {
+            let r = from..n.min(from + CHUNK);
+            let of = |quantity: Quantity| &signals.of(quantity)[r.clone()];
+            for (own, quantity) in own.iter_mut().zip([Quantity::P, Quantity::Q]) {
+                for (own, i) in own.iter_mut().zip(r.clone()) {
+                    *own = self.own(signals, quantity, i);
+                }
+            }
+            diagnosis.take(Seen {
+                available: &available[r.clone()],
+                live: &live[r.clone()],
+                told_p: of(Quantity::P),
+                own: [
+                    of(Quantity::Omega),
+                    &own[0][..r.len()],
+                    of(Quantity::V),
+                    &own[1][..r.len()],
+                    of(Quantity::Soc),
+                ],
+            });
+        }
         self.tell(&diagnosis);
     }
 

@@ -34,6 +34,8 @@ pub struct Exchange<'a, S = f64> {
     pub no_circulation: bool,
     /// 0, but in a derivative.
     pub late: Lateness<S>,
+    /// Who tells nothing that makes sense: what both ends agreed on last goes on over its edges. Empty where all do.
+    pub mute: &'a [bool],
 }
 
 impl<S: Scalar> Exchange<'_, S> {
@@ -54,6 +56,10 @@ impl<S: Scalar> Exchange<'_, S> {
         let past = (history, self.late);
         for (e, edge) in network.graph.edges().iter().enumerate() {
             let (a, b) = edge.ends();
+            if [a, b].iter().any(|&i| self.mute.get(i) == Some(&true)) {
+                flows[e] = c(last[e]);
+                continue;
+            }
             let (soc_a, soc_b) = network.agreed_late(e, past, Quantity::Soc, signals.of(Quantity::Soc));
             let (P_a, P_b) = network.agreed_late(e, past, Quantity::Share, signals.of(Quantity::Share));
             let d = soc_a - soc_b;

@@ -11,6 +11,7 @@
 //! | `protocol`, `discretisation`, `exchange`, `estimator` | the laws (9)-(13), one function per equation |
 //! | `sweep`, `wave`, `power`, `diagnosis`, `order` | the same for many agents at once, in vector code |
 //! | `delay`, `lag` | what agents know of each other, how late that is |
+//! | `told`, `outlier` | wrong messages, and the option that sorts outliers out |
 //! | `limits`, `authority`, `relay`, `saturation` | what they can do, and what becomes of what they cannot |
 //! | `certificates`, `spectrum` | how long it takes |
 //! | `scalar`, `tangent`, `tangent_limits`, `tangent_diagnostics` | the laws in dual numbers: what the outputs do along a direction |
@@ -21,6 +22,7 @@
 
 mod adopt;
 pub mod authority;
+mod blocks;
 pub mod certificates;
 pub mod clustering;
 pub mod communication;
@@ -36,10 +38,12 @@ pub mod event;
 pub mod exchange;
 pub mod graph;
 pub mod io;
+mod kernels;
 pub mod lag;
 pub mod limits;
 pub mod network;
 pub mod order;
+pub mod outlier;
 pub mod power;
 pub mod protocol;
 pub mod relay;
@@ -53,6 +57,7 @@ pub mod tangent;
 mod tangent_diagnostics;
 mod tangent_limits;
 mod time;
+pub mod told;
 pub mod topology;
 mod validate;
 mod wave;

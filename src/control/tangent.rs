@@ -35,6 +35,8 @@ pub struct Tangents {
     /// Of the outputs.
     pub outputs: Outputs,
     pub(super) signals: Signals<Dual>,
+    /// Empty without faults of messages.
+    told: Signals<Dual>,
     /// u_omega, u_P, u_E, u_V, u_Q.
     pub(super) u: [Vec<Dual>; 5],
     flows: Vec<Dual>,
@@ -66,6 +68,7 @@ impl Controller {
             parameters: self.state.parameters.clone(),
             outputs: self.state.outputs.clone(),
             signals: Signals::new(n),
+            told: Signals::new(self.scratch.mute.len()),
             u: std::array::from_fn(|_| vec![Dual::default(); n]),
             flows: Vec::new(),
             P_set: vec![Dual::default(); n],
@@ -83,6 +86,8 @@ impl Controller {
         self.evaluate(clock.now_ns, clock.step_ns);
         let h_s = seconds(clock.step_ns);
         self.signal_rates(direction, tangents);
+        let passing = Dual::new(0.0, if direction == Direction::Time { 1.0 } else { 0.0 });
+        self.tell_instead((clock.now_ns, passing), &tangents.signals, &mut tangents.told);
         for u in &mut tangents.u {
             u.fill(Dual::default());
         }
@@ -100,6 +105,9 @@ impl Controller {
             self.law_rates(&tuned, late, h_s, tangents);
             self.limit_rates(direction, h_s, tangents);
             self.exchange_rates(&tuned, late, clock.step_ns, tangents);
+            for (i, _) in self.scratch.frozen.iter().enumerate().filter(|(_, frozen)| **frozen) {
+                tangents.u.iter_mut().for_each(|u| u[i] = Dual::default());
+            }
         }
         let Tangents { outputs, u: [u_omega, u_P, u_E, u_V, u_Q], .. } = tangents;
         for (rates, duals) in [
@@ -174,7 +182,7 @@ impl Controller {
         if self.state.filtered.is_empty() || clock.samples == 0 {
             return;
         }
-        let elapsed_s = seconds((clock.now_ns - clock.sampled_ns).max(0));
+        let elapsed_s = seconds(clock.now_ns.saturating_sub(clock.sampled_ns).max(0));
         for (k, (quantity, constant_s)) in filters(&self.fixed.filter).into_iter().enumerate() {
             if constant_s <= 0.0 {
                 continue;
@@ -189,7 +197,7 @@ impl Controller {
     /// As `Controller::share`.
     fn share_rates(&self, direction: Direction, tangents: &mut Tangents) {
         let (state, clock) = (&self.state, self.state.clock);
-        let elapsed_s = seconds((clock.now_ns - clock.sampled_ns).max(0));
+        let elapsed_s = seconds(clock.now_ns.saturating_sub(clock.sampled_ns).max(0));
         let follows = |x: Dual, last: f64, T_s: f64| {
             if clock.samples > 0 && T_s > 0.0 { filtered(direction, x, last, elapsed_s, T_s) } else { x }
         };
@@ -204,7 +212,8 @@ impl Controller {
     /// As `Controller::laws`.
     fn law_rates(&self, tuned: &Tuned, late: Lateness<Dual>, h_s: f64, tangents: &mut Tangents) {
         let (inputs, parameters, lags) = (&self.state.inputs, &self.state.parameters, &self.state.lags);
-        let Tangents { inputs: d, parameters: d_gain, signals, u, .. } = tangents;
+        let Tangents { inputs: d, parameters: d_gain, signals, told, u, .. } = tangents;
+        let told = if self.scratch.mute.is_empty() { &*signals } else { &*told };
         let [u_omega, u_P, _, u_V, u_Q] = u;
         let flow = |gain: f64, rate: f64, lag: &Lag| tuned.flow(Dual::new(gain, rate), lag, h_s);
         let flow_omega = flow(parameters.gain_omega, d_gain.gain_omega, &lags.frequency);
@@ -214,7 +223,7 @@ impl Controller {
         let dispatch = inputs.dispatch.then_some(Dual::new(inputs.P_ref, d.P_ref));
         let omega_ref = Dual::new(inputs.omega_ref, d.omega_ref);
         let V_ref = Dual::new(inputs.V_ref, d.V_ref);
-        let view = View { network: &self.network, history: &self.state.history, signals, late };
+        let view = View { network: &self.network, history: &self.state.history, signals, told, late };
         active_power(view, &flow_P, dispatch, u_P);
         reactive_power(view, &flow_Q, u_Q);
         self.relay_rates(signals, [u_P, u_Q], h_s);
@@ -241,8 +250,10 @@ impl Controller {
             limits: &self.fixed.limits,
             no_circulation: self.fixed.no_circulation,
             late,
+            mute: &self.scratch.mute,
         };
-        let Tangents { signals, u: [_, _, u_E, _, _], flows, P_set, limited, .. } = tangents;
+        let Tangents { signals, told, u: [_, _, u_E, _, _], flows, P_set, limited, .. } = tangents;
+        let signals = if self.scratch.mute.is_empty() { &*signals } else { &*told };
         flows.resize(self.network.graph.edges().len(), Dual::default());
         exchange.flows(&self.network, &self.state.history, signals, &self.state.flows, flows, limited);
         let live = &self.topology.live;

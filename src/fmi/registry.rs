@@ -73,18 +73,40 @@ pub struct Range {
 }
 
 impl Range {
-    /// Any finite value.
+    /// Any value that a quantity can have.
     pub const ANY: Range = Range { min: f64::NEG_INFINITY, min_excluded: false, max: f64::INFINITY };
     /// Greater than zero.
     pub const POSITIVE: Range = Range { min: 0.0, min_excluded: true, max: f64::INFINITY };
+    /// Of a Boolean: false only, because the model has nothing to switch on.
+    pub const FALSE: Range = Range { min: 0.0, min_excluded: false, max: 0.0 };
     /// Zero or greater.
     pub const NOT_NEGATIVE: Range = Range { min: 0.0, min_excluded: false, max: f64::INFINITY };
 
-    /// Whether a value is accepted: finite and within the bounds.
+    /// Numbers beyond this are a mistake like an infinite one: products of a few of them overflow, and what is no
+    /// number spreads through a model for good.
+    pub const LARGEST: f64 = 1e30;
+
+    /// Whether a value is accepted: within the bounds and at most [`Self::LARGEST`] in size. Where 0 itself is
+    /// excluded, so is what cannot be divided by, below 1 / [`Self::LARGEST`].
     #[inline]
     pub fn contains(&self, value: f64) -> bool {
-        let above = if self.min_excluded { value > self.min } else { value >= self.min };
-        above && value <= self.max && value.is_finite()
+        let above =
+            if self.min_excluded { value - self.min >= 1.0 / Self::LARGEST } else { value >= self.min };
+        above && value <= self.max && value.abs() <= Self::LARGEST
+    }
+}
+
+impl Range {
+    /// What to expect instead of a value that is refused, for an error message.
+    pub(super) fn instead_of(&self, found: f64) -> String {
+        let largest = Self::LARGEST;
+        if found.is_finite() && found.abs() > largest {
+            format!("{self}, at most {largest:e} in size")
+        } else if self.min_excluded && found > self.min && found <= self.max {
+            format!("{self}, by at least {:e}", 1.0 / largest)
+        } else {
+            self.to_string()
+        }
     }
 }
 

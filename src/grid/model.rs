@@ -95,6 +95,11 @@ impl GridModel {
         self.plant.n_bus()
     }
 
+    /// Whether there is a tie to the main grid.
+    pub fn has_tie(&self) -> bool {
+        self.plant.tie.is_some()
+    }
+
     /// Positions of the BESS buses, counted from 1.
     pub fn bess_positions(&self) -> impl Iterator<Item = usize> + '_ {
         self.plant.bess_bus.iter().map(|b| b + 1)
@@ -128,6 +133,7 @@ impl GridModel {
     /// With the tie open the angles are counted from that of the first BESS's source.
     pub fn initialise(&mut self) -> Result<(), GridError> {
         let start = self.find_steady_state()?;
+        let before = self.state.clone();
         self.state.delta.copy_from_slice(&start.delta);
         self.state.delta.iter_mut().for_each(|delta| *delta = wrap(*delta));
         self.state.P.copy_from_slice(&start.P);
@@ -135,7 +141,10 @@ impl GridModel {
         self.state.E.copy_from_slice(&self.state.parameters.E_start);
         self.state.internal_step_s = FIRST_STEP_S;
         self.state.initialised = true;
-        self.refresh()
+        self.refresh().inspect_err(|_| {
+            self.state = before;
+            self.in_line = false;
+        })
     }
 
     /// The synchronous steady state of the present inputs; changes nothing that can be read.

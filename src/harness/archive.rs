@@ -156,7 +156,10 @@ pub fn unpack(archive: &Path, limits: Limits) -> Result<Unpacked, ArchiveError> 
         // The size that an entry claims is no promise, so what comes out is counted.
         let mut source = entry.take(left.saturating_add(1));
         let written = write_new(&target, &mut source).map_err(|error| match error.kind() {
-            io::ErrorKind::InvalidData | io::ErrorKind::InvalidInput | io::ErrorKind::UnexpectedEof => {
+            io::ErrorKind::InvalidData
+            | io::ErrorKind::InvalidInput
+            | io::ErrorKind::UnexpectedEof
+            | io::ErrorKind::Unsupported => {
                 ArchiveError::Zip { path: archive.to_path_buf(), reason: format!("{name}: {error}") }
             }
             _ => ArchiveError::Io { path: target.clone(), source: error },

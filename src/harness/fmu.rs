@@ -1,7 +1,7 @@
 //! An FMU file, opened: unpacked, described, its library loaded. Makes instances.
 
 use super::archive::{Limits, Unpacked, unpack};
-use super::description::ModelDescription;
+use super::description::{DescriptionError, ModelDescription};
 use super::error::HarnessError;
 use super::hash::Fnv64;
 use super::library::LoadedLibrary;
@@ -42,7 +42,10 @@ impl Fmu {
     /// Unpacks and loads an FMU.
     pub fn open_with(path: &Path, limits: Limits) -> Result<Self, HarnessError> {
         let folder = unpack(path, limits)?;
-        let description = ModelDescription::read(&folder.path().join("modelDescription.xml"))?;
+        let inside = folder.path().join("modelDescription.xml");
+        // The archive is what the user knows; where it was unpacked is gone by the time this is read.
+        let description = ModelDescription::read(&inside)
+            .map_err(|error| DescriptionError { path: path.join("modelDescription.xml"), ..error })?;
         let library = LoadedLibrary::load(folder.path(), &description)?;
         Ok(Self { parts: Rc::new(Parts { library, description, folder, path: path.to_path_buf() }) })
     }

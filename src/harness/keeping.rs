@@ -80,22 +80,15 @@ impl Keeping {
         ObserverError { what: format!("{}: {what}", self.folder.display()), source: source.into() }
     }
 
-    /// Opens the file of samples, and takes those in that are in there already.
-    fn open(&mut self) -> io::Result<File> {
+    /// Takes in the samples that are in the file already; changes nothing on disk.
+    fn take_in(&mut self, mark: Mark) -> io::Result<()> {
         let path = self.folder.join(SAMPLES);
-        let Some(mark) = self.from.take() else {
-            // An older checkpoint must not be taken for one of this run.
-            Self::clear(&self.folder)?;
-            return File::create_new(path);
-        };
-        let mut file = File::options().read(true).write(true).open(&path)?;
         let (hash, found) = Fnv64::of_file(&path, mark.bytes)?;
         if (found, hash.value()) != (mark.bytes, mark.hash) {
-            let reason =
-                format!("{SAMPLES} does not begin with what the checkpoint says; start the run again");
+            let reason = "does not begin with what the checkpoint says; start the run again";
             return Err(io::Error::new(io::ErrorKind::InvalidData, reason));
         }
-        let mut bytes = BufReader::new((&file).take(mark.bytes));
+        let mut bytes = BufReader::new(File::open(&path)?.take(mark.bytes));
         let (mut number, mut row) = ([0; 8], vec![0.0; self.memory.columns().len()]);
         let rows = mark.bytes / (8 * (1 + row.len() as u64));
         for _ in 0..rows {
@@ -107,9 +100,21 @@ impl Keeping {
             }
             self.memory.push(t_ns, &row);
         }
-        file.set_len(mark.bytes)?;
-        file.seek(SeekFrom::Start(mark.bytes))?;
         (self.end, self.kept) = (mark, rows as usize);
+        Ok(())
+    }
+
+    /// Opens the file of samples where the next ones belong.
+    fn open(&mut self) -> io::Result<File> {
+        let path = self.folder.join(SAMPLES);
+        if self.from.take().is_none() {
+            // An older checkpoint must not be taken for one of this run.
+            Self::clear(&self.folder)?;
+            return File::create_new(path);
+        }
+        let mut file = File::options().write(true).open(&path)?;
+        file.set_len(self.end.bytes)?;
+        file.seek(SeekFrom::Start(self.end.bytes))?;
         Ok(file)
     }
 
@@ -138,6 +143,10 @@ impl Keeping {
 impl Observer for Keeping {
     fn begin(&mut self, experiment: &Experiment) -> Result<(), ObserverError> {
         self.memory.begin(experiment)?;
+        if let Some(mark) = self.from {
+            self.take_in(mark).map_err(|error| self.failed(SAMPLES, error))?;
+        }
+        // It sees to it that no other run writes here, so nothing is removed before.
         self.recorder.begin(experiment)?;
         let file = self.open().map_err(|error| self.failed(SAMPLES, error))?;
         self.samples = Some(BufWriter::new(file));

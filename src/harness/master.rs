@@ -5,9 +5,12 @@
 //! the sample to the observer, step all. With Gauss-Seidel each participant, in the order given, gets
 //! its inputs right before its own step, so that it sees what those before it have just computed.
 
+mod due;
 mod position;
 
 pub use position::Position;
+
+use due::{Due, record, resolve};
 
 use super::coupling::{CouplingError, Endpoint};
 use super::error::HarnessError;
@@ -85,19 +88,15 @@ pub fn run_from(
             run.outcome.warnings.push(format!("{}: {error}", participant.name()));
         }
     }
+    for participant in participants.iter_mut() {
+        run.outcome.warnings.extend(participant.take_warnings());
+    }
     let finished = observer.finish(result.as_ref().err());
     if let (Ok(()), Err(error)) = (&result, finished) {
         result = Err(error.into());
     }
     run.outcome.total = begun.elapsed();
     (run.outcome, result)
-}
-
-/// An event with its names resolved.
-struct Due {
-    at_ns: i64,
-    sets: Vec<(usize, Values)>,
-    records: Vec<(usize, f64)>,
 }
 
 struct Run {
@@ -337,42 +336,6 @@ impl Run {
             mark(&mut self.is_stale, index, true);
         }
         Ok(is_new)
-    }
-}
-
-type Resolved = (Vec<(usize, Values)>, Vec<(usize, f64)>);
-
-/// Settings as values by participant, and what they put into the recorded columns.
-fn resolve(
-    lookup: &Lookup<'_>,
-    wiring: &Wiring,
-    place: &str,
-    settings: &[Setting],
-    is_running: bool,
-) -> Result<Resolved, CouplingError> {
-    let mut sets: Vec<(usize, Values)> = Vec::new();
-    let mut records = Vec::new();
-    for setting in settings {
-        let endpoint = Endpoint::new(&*setting.participant, &*setting.variable);
-        let (index, reference, value) = lookup.settable(place, &endpoint, setting.value, is_running)?;
-        match sets.iter_mut().find(|(participant, _)| *participant == index) {
-            Some((_, values)) => values.push(reference, value),
-            None => {
-                let mut values = Values::default();
-                values.push(reference, value);
-                sets.push((index, values));
-            }
-        }
-        records.extend(wiring.set_column(&endpoint).map(|column| (column, value.as_f64())));
-    }
-    Ok((sets, records))
-}
-
-fn record(values: &mut [f64], records: &[(usize, f64)]) {
-    for (column, found) in records {
-        if let Some(value) = values.get_mut(*column) {
-            *value = *found;
-        }
     }
 }
 

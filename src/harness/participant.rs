@@ -60,6 +60,11 @@ pub trait Participant {
     fn serialise_state(&mut self, state: StateHandle) -> Result<Vec<u8>, CallError>;
     /// Takes in bytes of [`Participant::serialise_state`] as a kept state.
     fn deserialise_state(&mut self, bytes: &[u8]) -> Result<StateHandle, CallError>;
+
+    /// What went wrong without ending the run, since this was asked last.
+    fn take_warnings(&mut self) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 /// Names a state kept by one participant; means nothing to another.

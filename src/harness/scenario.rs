@@ -10,6 +10,7 @@ use super::in_process::InProcess;
 use super::isolation::{self, Isolation};
 use super::participant::{CallError, Participant};
 use super::plan::{Algorithm, Event, Plan, Setting};
+use super::screened::Screened;
 use super::value::Value;
 use crate::fmi::{Instance, Interface, Logger, Model, ModelError};
 use crate::models::{Controller, Grid};
@@ -83,7 +84,12 @@ pub fn stage_isolated(
         }
     }
     let plan = plan(resolved, &participants, initial)?;
-    Ok((participants, plan))
+    let mut screened: Vec<Box<dyn Participant>> = Vec::with_capacity(2);
+    for participant in participants {
+        let is_controller = participant.name() == CONTROLLER;
+        screened.push(Box::new(Screened::new(participant, &resolved.faults, is_controller)?));
+    }
+    Ok((screened, plan))
 }
 
 impl Cast {

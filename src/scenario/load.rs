@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
 /// The scenarios that the program carries: name and document.
-pub const BUILT_IN: [(&str, &str); 7] = [
+pub const BUILT_IN: [(&str, &str); 8] = [
     ("case1", include_str!("built_in/case1.json")),
     ("case2", include_str!("built_in/case2.json")),
     ("case3", include_str!("built_in/case3.json")),
@@ -15,6 +15,7 @@ pub const BUILT_IN: [(&str, &str); 7] = [
     ("plug_and_play", include_str!("built_in/plug_and_play.json")),
     ("voltage", include_str!("built_in/voltage.json")),
     ("energy", include_str!("built_in/energy.json")),
+    ("faults", include_str!("built_in/faults.json")),
 ];
 
 /// A document with its place, so that paths in it can be resolved and errors can name it.
@@ -102,7 +103,16 @@ fn document_error<E: std::fmt::Display>(
 ) -> ScenarioError {
     let path = error.path().to_string();
     let path = if path == "." { "the document".into() } else { path };
-    ScenarioError::Document { origin: origin.into(), path, problem: error.inner().to_string() }
+    ScenarioError::Document { origin: origin.into(), path, problem: in_words(&error.inner().to_string()) }
+}
+
+/// JSON knows numbers, and a user of JSON knows no names of Rust's types.
+fn in_words(problem: &str) -> String {
+    let mut words = problem.to_owned();
+    for (name, meaning) in [("f64", "a number"), ("u64", "a whole number"), ("u32", "a whole number")] {
+        words = words.replace(&format!("expected {name}"), &format!("expected {meaning}"));
+    }
+    words
 }
 
 fn trailing_error(origin: &str, error: &serde_json::Error) -> ScenarioError {

@@ -7,6 +7,7 @@ pub mod document;
 pub mod equal_names;
 mod error;
 mod extends;
+pub mod fault;
 mod load;
 mod resolve;
 mod resolve_control;

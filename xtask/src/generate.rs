@@ -20,6 +20,8 @@ pub enum Generated {
     Icons,
     /// src/package/licenses/Bess*.txt, from cargo's dependency tree.
     Licenses,
+    /// docs/mistakes.md, by making every mistake.
+    Mistakes,
     /// src/package/sbom/*.cdx.json, from cargo's dependency tree and Cargo.lock.
     Sbom,
     /// modelDescription/*.xml, out of the packed FMUs.
@@ -41,6 +43,11 @@ pub fn run(workspace: &Workspace, what: &[Generated]) -> Result<(), Failure> {
     }
     if wanted(Generated::Licenses) {
         licenses::write(workspace)?;
+    }
+    if wanted(Generated::Mistakes) {
+        let mut test = cargo(workspace);
+        test.args(["test", "--quiet", "--release", "--test", "mistakes"]);
+        start(test.env("BESS_WRITE_MISTAKES", "1"))?;
     }
     if wanted(Generated::Sbom) {
         supply::write_sbom(workspace)?;

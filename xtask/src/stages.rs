@@ -5,7 +5,7 @@ use crate::{
     bindings,
     debian::{Need, provide},
     error::Failure,
-    fmu, platforms,
+    fmu, fuzz, platforms,
     process::{cargo, command, run as start},
     python, scenario, supply,
     table::{Outcome, Row, render},
@@ -50,6 +50,10 @@ pub enum Stage {
     Platforms,
     /// `bess` as a wheel in an empty environment, its FMU in FMPy
     Wheel,
+    /// 300 000 random calls on the C interface under AddressSanitizer
+    Fuzz,
+    /// Half a million steps and a thousand lives of each FMU: memory flat, bits equal
+    Soak,
 }
 
 impl Stage {
@@ -71,6 +75,8 @@ impl Stage {
             Stage::Browser => "browser",
             Stage::Platforms => "platforms",
             Stage::Wheel => "wheel",
+            Stage::Fuzz => "fuzz",
+            Stage::Soak => "soak",
         }
     }
 
@@ -85,7 +91,8 @@ impl Stage {
             Stage::Browser => &[Need::Python, Need::Chromium],
             Stage::Platforms => &[Need::Python, Need::CrossRust, Need::Mingw, Need::Wine, Need::QemuAarch64],
             Stage::Wheel => &[Need::Python, Need::CrossRust, Need::Mingw],
-            Stage::Rust | Stage::Doc | Stage::Fmu | Stage::Run => &[],
+            Stage::Fuzz => &[Need::Asan],
+            Stage::Rust | Stage::Doc | Stage::Fmu | Stage::Run | Stage::Soak => &[],
         }
     }
 
@@ -127,13 +134,18 @@ impl Stage {
                 start(test.env("BESS_COFMUPY_PYTHON", cofmupy).args(pytest))
             }
             Stage::Grids => start(python::tests(workspace, "grids", "grids")?.args(pytest)),
-            Stage::Run => CASES.iter().try_for_each(|case| scenario::run(workspace, Path::new(case), &[])),
+            Stage::Run => CASES
+                .iter()
+                .try_for_each(|case| scenario::run(workspace, Path::new(case), &[]))
+                .and_then(|()| scenario::isolated(workspace)),
             Stage::Browser => CASES.iter().try_for_each(|case| {
                 let report = Path::new(&scenario::results(Path::new(case))?).join("report.html");
                 start(command(workspace, "python3").arg("tests/browser/check_report.py").arg(report))
             }),
             Stage::Platforms => platforms::test(workspace, pytest),
             Stage::Wheel => platforms::test_wheel(workspace, pytest),
+            Stage::Fuzz => fuzz::seeded(workspace, fuzz::STAGE_CALLS, 1),
+            Stage::Soak => fuzz::soak(workspace, fuzz::STAGE_SOAK),
         }
     }
 }

@@ -3,6 +3,7 @@
 mod comparison;
 mod console;
 mod ended;
+mod faults;
 mod isolate;
 mod record;
 mod results;
@@ -19,6 +20,7 @@ use comparison::Compared;
 use ended::Ended;
 use miette::{IntoDiagnostic, WrapErr};
 use record::{How, Record, record};
+use results::Results;
 use std::path::{Path, PathBuf};
 
 /// The command line of `bess run`.
@@ -33,6 +35,7 @@ use std::path::{Path, PathBuf};
 
 DIR holds afterwards: trajectory.csv (time, controller.NAME, grid.NAME), summary.json, report.html. While it runs, and
 where it ended early, the trajectory is called trajectory.csv.part: whole lines, up to the last whole second.
+Exit codes: 0 done, 1 the run failed, 2 the command line or the scenario is wrong, 3 an isolated FMU crashed or hung.
 An FMU gets the scenario's parameters where it has parameters of the same names. Names and units that
 differ from the controller's go into the scenario's `connections`; docs/your-grid.md has examples.")]
 pub struct RunArgs {
@@ -71,6 +74,7 @@ pub struct RunArgs {
 pub fn run(args: &RunArgs) -> Result<(), Failure> {
     let resolved = args.scenario.resolve()?;
     let variants = if args.no_report { Vec::new() } else { variants(args, &resolved)? };
+    let trials = faults::trials(&args.scenario, &resolved)?;
     let folder = args.output.clone().unwrap_or_else(|| results_folder(&resolved.scenario.name));
     let cast = cast(args, &resolved);
     let isolation = if args.isolate { Some(isolate::isolation(args.call_limit)?) } else { None };
@@ -104,17 +108,28 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
         }
     }
     let (ended, failure) = ended.unzip();
-    let results = results::Results::new(&resolved, &main, &compared, ended)?;
-    results.write_summary(&folder.join("summary.json"))?;
-    if !args.no_report {
-        write(&results.report(&resolved, &main, &compared)?, &folder)?;
-    }
-    for warning in &main.outcome.warnings {
+    let written = Results::new(&resolved, &main, &compared, ended).and_then(|mut results| {
+        if failure.is_none() {
+            results.faults.extend(faults::own_row(&resolved, &main, results.agents())?);
+            for (trial, resolved) in &trials {
+                let cast = Cast { controller: Cast::of(resolved).controller, ..self::cast(args, resolved) };
+                results.faults.push(faults::run_trial(trial, (resolved, &cast), results.agents(), &alone)?);
+            }
+        }
+        results.write_summary(&folder.join("summary.json"))?;
+        if !args.no_report {
+            write(&results.report(&resolved, &main, &compared)?, &folder)?;
+        }
+        Ok(results)
+    });
+    for warning in unlikely(args, &resolved).iter().chain(&main.outcome.warnings) {
         eprintln!("warning: {warning}");
     }
     if let Some(failure) = failure {
-        return Err(with_remains(failure, args, &folder));
+        // What ended the run matters more than what could not be written after it.
+        return Err(if written.is_ok() { with_remains(failure, args, &folder) } else { failure });
     }
+    let results = written?;
     Keeping::clear(&folder).into_diagnostic().wrap_err("the checkpoint cannot be removed")?;
     if args.quiet {
         return Ok(());
@@ -125,7 +140,8 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
 /// A run that ended before anything was recorded: a report only if a participant failed of its own.
 fn stillborn(args: &RunArgs, resolved: &Resolved, folder: &Path, error: HarnessError) -> Failure {
     let failure = failed(&error);
-    if failure.code == 2 || args.no_report {
+    let is_a_participants = matches!(error, HarnessError::Run { .. } | HarnessError::Call { .. });
+    if failure.code == 2 || !is_a_participants || args.no_report {
         return failure;
     }
     match write(&Ended::of(&error, None).report(resolved), folder) {
@@ -170,6 +186,43 @@ fn variants(args: &RunArgs, resolved: &Resolved) -> Result<Vec<(String, Resolved
     };
     resolved.scenario.compare.iter().map(of).collect()
 }
+
+/// What is allowed, but hardly what anybody wants.
+fn unlikely(args: &RunArgs, resolved: &Resolved) -> Vec<String> {
+    let scenario = &resolved.scenario;
+    // Who ends a run sooner on the command line knows what is cut off.
+    let end_s =
+        if args.scenario.assignments().contains_key("stop_s") { f64::INFINITY } else { scenario.stop_s };
+    let mut warnings = Vec::new();
+    let fed = |wire: &scenario::connection::Wire| wire.to == "controller.enable";
+    if results::enabled_from(resolved).is_infinite() && !resolved.wires.iter().any(fed) {
+        warnings.push(
+            "controller.enable is never true: the controller holds its setpoints throughout; set it in `initial` \
+             or by an event"
+                .into(),
+        );
+    }
+    for (k, event) in scenario.events.iter().enumerate().filter(|(_, event)| event.at_s > end_s) {
+        let (at_s, stop_s) = (event.at_s, scenario.stop_s);
+        warnings.push(format!("events[{k}] at {at_s} s never happens: the run ends at stop_s = {stop_s} s"));
+    }
+    for (k, fault) in scenario.faults.iter().enumerate().filter(|(_, fault)| fault.from_s > end_s) {
+        let (from_s, stop_s) = (fault.from_s, scenario.stop_s);
+        warnings
+            .push(format!("faults[{k}] from {from_s} s never happens: the run ends at stop_s = {stop_s} s"));
+    }
+    if scenario.step_s > LONG_STEP_S {
+        warnings.push(format!(
+            "step_s = {} s: the controller acts once in a step, and a grid answers within fractions of a second; \
+             expected 0.01 to {LONG_STEP_S} s",
+            scenario.step_s
+        ));
+    }
+    warnings
+}
+
+/// Steps beyond this are likely meant as milliseconds, s.
+const LONG_STEP_S: f64 = 1.0;
 
 /// A run that could not start because of what the user gave ends with code 2, one that broke with code 1, one whose FMU
 /// took its own process down with code 3.

@@ -13,8 +13,8 @@ use std::path::Path;
 use std::time::Duration;
 
 /// Controller outputs that the figures need besides what the agents measure.
-const SHOWN: [&str; 10] =
-    ["P_set", "Q_set", "T_omega", "T_P", "u_omega", "u_P", "u_E", "u_V", "u_Q", "omega_set"];
+const SHOWN: [&str; 11] =
+    ["P_set", "Q_set", "T_omega", "T_P", "u_omega", "u_P", "u_E", "u_V", "u_Q", "omega_set", "V_set"];
 
 /// What is left of a run.
 pub struct Record {

@@ -6,8 +6,8 @@ use super::ended::Ended;
 use super::record::Record;
 use super::sections::{certificates, communication, figures_of_paper, side_by_side};
 use crate::report::{
-    Agents, Item, Phase, PhaseOptions, Report, Section, Status, error_systems, five_states, phase_table,
-    phases,
+    Agents, FaultRow, Item, Phase, PhaseOptions, Report, Section, Status, error_systems, fault_table,
+    five_states, phase_table, phases,
 };
 use crate::scenario::Resolved;
 use miette::{IntoDiagnostic, WrapErr};
@@ -38,6 +38,8 @@ pub struct Results {
     pub side_by_side: Vec<Row>,
     /// In which range of eta the smaller one is faster, where eta was varied.
     pub eta: Option<String>,
+    /// What goes wrong, line by line; empty without faults.
+    pub faults: Vec<FaultRow>,
     /// Where an interrupted run was resumed, s; wall time and real-time factor count from there.
     pub resumed_at_s: Option<f64>,
     /// What ended the run too early; all figures are of the time before.
@@ -117,6 +119,7 @@ impl Results {
             variants,
             eta: comparison::eta_verdict(&side_by_side),
             side_by_side,
+            faults: Vec::new(),
             resumed_at_s: main.resumed_at_s(),
             ended,
             agents,
@@ -130,6 +133,11 @@ impl Results {
         self.phases.iter().filter(|p| p.from_s >= self.options.active_from_s).all(Phase::settled)
     }
 
+    /// The batteries.
+    pub fn agents(&self) -> &Agents {
+        &self.agents
+    }
+
     /// What counts as settled.
     pub fn options(&self) -> &PhaseOptions {
         &self.options
@@ -139,7 +147,11 @@ impl Results {
     pub fn write_summary(&self, path: &Path) -> Result<(), Failure> {
         let text = serde_json::to_string_pretty(self).into_diagnostic()?;
         let folder = path.parent().unwrap_or(Path::new("."));
-        let written = tempfile::NamedTempFile::new_in(folder).and_then(|mut file| {
+        let mut builder = tempfile::Builder::new();
+        // Readable like any other file of the user.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let written = builder.tempfile_in(folder).and_then(|mut file| {
             writeln!(file, "{text}")?;
             file.persist(path).map_err(|e| e.error).map(|_| ())
         });
@@ -165,6 +177,13 @@ impl Results {
         });
         if self.side_by_side.len() > 1 {
             sections.push(side_by_side(&self.side_by_side, &self.agents, &self.events, main, compared)?);
+        }
+        if !self.faults.is_empty() {
+            sections.push(Section {
+                heading: "Faults".into(),
+                text: "Each line is a run of its own.".into(),
+                items: vec![fault_table(&self.faults)],
+            });
         }
         let paper = figures_of_paper(&self.scenario);
         let title = |what: &str, figure: Option<u32>| {
@@ -218,7 +237,7 @@ impl Results {
 }
 
 /// When the controller is first enabled, s; infinite if never.
-fn enabled_from(resolved: &Resolved) -> f64 {
+pub fn enabled_from(resolved: &Resolved) -> f64 {
     let on = |set: &serde_json::Map<String, serde_json::Value>| {
         set.get("controller.enable").is_some_and(|v| v.as_bool() == Some(true) || v.as_f64() == Some(1.0))
     };

@@ -5,15 +5,16 @@ use super::Grid;
 use crate::fmi::{Dependencies, Group, Range, Unit};
 use crate::models::variables::{GroupExt, input, output, parameter, switch};
 
-/// All variables for `n` batteries and `buses` buses.
-pub fn variables(n: usize, buses: usize) -> Vec<Group<Grid>> {
-    let mut all = inputs(n, buses);
+/// All variables for `n` batteries and `buses` buses, with or without a tie to the main grid.
+pub fn variables(n: usize, buses: usize, has_tie: bool) -> Vec<Group<Grid>> {
+    let mut all = inputs(n, buses, has_tie);
     all.extend(outputs(n, buses));
     all.extend(parameters(n));
     all
 }
 
-fn inputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
+fn inputs(n: usize, buses: usize, has_tie: bool) -> Vec<Group<Grid>> {
+    let breaker = if has_tie { Range::ANY } else { Range::FALSE };
     vec![
         input(
             "omega_set",
@@ -78,7 +79,8 @@ fn inputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
             |m: &mut Grid, _, v| {
                 m.inputs_mut().tie_closed = v;
             },
-        ),
+        )
+        .range(breaker),
     ]
 }
 
