@@ -85,13 +85,13 @@ impl Range {
     /// Numbers beyond this are a mistake like an infinite one: products of a few of them overflow, and what is no
     /// number spreads through a model for good.
     pub const LARGEST: f64 = 1e30;
+    /// Where 0 itself is excluded, so is what is nearer to it than this and cannot be divided by.
+    pub const SMALLEST: f64 = 1e-30;
 
-    /// Whether a value is accepted: within the bounds and at most [`Self::LARGEST`] in size. Where 0 itself is
-    /// excluded, so is what cannot be divided by, below 1 / [`Self::LARGEST`].
+    /// Whether a value is accepted: within the bounds and at most [`Self::LARGEST`] in size.
     #[inline]
     pub fn contains(&self, value: f64) -> bool {
-        let above =
-            if self.min_excluded { value - self.min >= 1.0 / Self::LARGEST } else { value >= self.min };
+        let above = if self.min_excluded { value - self.min >= Self::SMALLEST } else { value >= self.min };
         above && value <= self.max && value.abs() <= Self::LARGEST
     }
 }
@@ -103,7 +103,7 @@ impl Range {
         if found.is_finite() && found.abs() > largest {
             format!("{self}, at most {largest:e} in size")
         } else if self.min_excluded && found > self.min && found <= self.max {
-            format!("{self}, by at least {:e}", 1.0 / largest)
+            format!("{self}, by at least {:e}", Self::SMALLEST)
         } else {
             self.to_string()
         }
