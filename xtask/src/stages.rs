@@ -36,6 +36,8 @@ pub enum Stage {
     Bindings,
     /// Both FMUs build and pack
     Fmu,
+    /// The controller's library built a second time, elsewhere: the same bytes
+    Reproduce,
     /// The FMUs in FMPy, against the reference data
     Fmpy,
     /// Case 1 in the masters of others, and the .ssp
@@ -68,6 +70,7 @@ impl Stage {
             Stage::Doc => "doc",
             Stage::Bindings => "bindings",
             Stage::Fmu => "fmu",
+            Stage::Reproduce => "reproduce",
             Stage::Fmpy => "fmpy",
             Stage::Masters => "masters",
             Stage::Grids => "grids",
@@ -92,14 +95,14 @@ impl Stage {
             Stage::Platforms => &[Need::Python, Need::CrossRust, Need::Mingw, Need::Wine, Need::QemuAarch64],
             Stage::Wheel => &[Need::Python, Need::CrossRust, Need::Mingw],
             Stage::Fuzz => &[Need::Asan],
-            Stage::Rust | Stage::Doc | Stage::Fmu | Stage::Run | Stage::Soak => &[],
+            Stage::Rust | Stage::Doc | Stage::Fmu | Stage::Reproduce | Stage::Run | Stage::Soak => &[],
         }
     }
 
     /// The stages whose work this one uses.
     fn after(self) -> &'static [Stage] {
         match self {
-            Stage::Fmpy | Stage::Masters | Stage::Grids | Stage::Run => &[Stage::Fmu],
+            Stage::Fmpy | Stage::Masters | Stage::Grids | Stage::Run | Stage::Reproduce => &[Stage::Fmu],
             Stage::Browser => &[Stage::Fmu, Stage::Run],
             _ => &[],
         }
@@ -126,6 +129,8 @@ impl Stage {
             ),
             Stage::Bindings => bindings::check(workspace),
             Stage::Fmu => fmu::build_and_pack(workspace),
+            // The grid's takes three times as long.
+            Stage::Reproduce => supply::reproduce(workspace, Some("BessConsensus")),
             Stage::Fmpy => start(python::tests(workspace, "fmpy", "fmpy")?.args(pytest)),
             Stage::Masters => {
                 // CoFmuPy wants another FMPy than the rest.

