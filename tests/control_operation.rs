@@ -72,8 +72,14 @@ fn rollback_and_repetition_are_bit_identical() {
             for other in [&mut coupled, &mut clone, &mut rolled] {
                 other.step(10_000_000);
             }
-            assert_eq!(coupled.controller.outputs(), clone.controller.outputs());
-            assert_eq!(coupled.controller.outputs(), rolled.controller.outputs(), "step {k}");
+            // Diagnostics are what a read finds; a copy reads.
+            let [coupled, clone, rolled] = [&coupled, &clone, &rolled].map(|one| {
+                let mut reader = one.controller.clone();
+                reader.refresh(&mut |_| {});
+                reader.outputs().clone()
+            });
+            assert_eq!(coupled, clone);
+            assert_eq!(coupled, rolled, "step {k}");
         }
     }
 }
@@ -153,6 +159,8 @@ fn an_agent_leaves_and_comes_back() {
     }
     let others = |x: &[f64]| spread(&[x[0], x[1], x[3], x[4], x[5], x[6]]);
     assert!(others(&coupled.plant.P) < 1e-9 && others(&coupled.plant.omega) < 1e-9);
+    coupled.tell();
+    coupled.controller.refresh(&mut |_| {});
     assert!(coupled.controller.outputs().spread_P < 1e-9, "the spread is that of the available agents");
     events.clear();
     coupled.controller.inputs_mut().available[2] = true;

@@ -294,6 +294,10 @@ fn numbering_the_agents_otherwise_numbers_the_outputs_otherwise() {
         ] {
             assert!(largest_gap(&moved(x), y) < tolerance, "{}", largest_gap(&moved(x), y));
         }
+        for one in [&mut here, &mut other] {
+            one.controller.refresh(&mut |_| {});
+        }
+        let (a, b) = (here.controller.outputs(), other.controller.outputs());
         for (x, y) in
             [(a.spread_P, b.spread_P), (a.T_P, b.T_P), (a.T_omega, b.T_omega), (a.lambda_2, b.lambda_2)]
         {

@@ -7,6 +7,7 @@ use super::delay::{History, Signals};
 use super::error::ConfigError;
 use super::event::Event;
 use super::exchange::Exchange;
+use super::few::FEW;
 use super::io::{Inputs, Outputs, Parameters};
 use super::lag::Lag;
 use super::limits::LimitTable;
@@ -165,7 +166,8 @@ impl Controller {
         &mut self.state.parameters
     }
 
-    /// The outputs: setpoints of the last step, the rest as of the last refresh or step.
+    /// The outputs: setpoints of the last step, the five inputs of the paper as of the last refresh or step, the
+    /// diagnostics as of the last refresh.
     pub fn outputs(&self) -> &Outputs {
         &self.state.outputs
     }
@@ -243,6 +245,7 @@ impl Controller {
             self.sweep(clock.step_ns, false);
         } else {
             self.evaluate(clock.now_ns, clock.step_ns);
+            self.diagnose();
         }
     }
 
@@ -255,7 +258,11 @@ impl Controller {
         }
         self.adopt(events);
         if self.is_plain() {
-            self.sweep(duration_ns, true);
+            if self.agents() <= FEW {
+                self.step_few(duration_ns)
+            } else {
+                self.sweep(duration_ns, true)
+            }
             self.pass(start_ns, duration_ns);
         } else {
             self.evaluate(start_ns, duration_ns);

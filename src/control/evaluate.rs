@@ -1,5 +1,5 @@
 //! What follows the inputs at once: the signals, the five inputs of the paper after limits, the energy
-//! exchange that a step would set, the diagnostics. Writes outputs and scratch, never setpoints or memory.
+//! exchange that a step would set; the diagnostics, when asked for. Writes outputs and scratch, never setpoints or memory.
 
 use super::config::{Discretisation, VoltagePolicy};
 use super::controller::Controller;
@@ -53,7 +53,6 @@ impl Controller {
                 u.fill(0.0);
             }
         }
-        self.diagnose();
     }
 
     /// The signals that the agents work with and tell each other, filtered where asked.
@@ -251,8 +250,8 @@ impl Controller {
         self.fixed.lost_link_fade_s.map_or(link.flow, |fade_s| link.flow * (-seconds(h_ns) / fade_s).exp())
     }
 
-    /// Spreads, errors and certified times, from the present signals.
-    fn diagnose(&mut self) {
+    /// Spreads, errors and certified times, from the signals of the last evaluation.
+    pub(super) fn diagnose(&mut self) {
         let (signals, inputs) = (&self.scratch.signals, &self.state.inputs);
         let (available, live) = (&self.state.adopted.available, &self.topology.live);
         let owed = |k: usize, i: usize| self.state.owed[k].get(i).copied().unwrap_or(0.0);

@@ -53,7 +53,8 @@ impl Controller {
             && state.held.is_empty()
     }
 
-    /// As `evaluate`; with `moves` also as `advance`, but for what time and exchange leave behind.
+    /// As `evaluate`; with `moves` also as `advance`, but for what time and exchange leave behind, and without as
+    /// `diagnose`.
     pub(super) fn sweep(&mut self, h_ns: i64, moves: bool) {
         let h_s = seconds(h_ns);
         let lags = &self.state.lags;
@@ -101,8 +102,9 @@ impl Controller {
             let [frequency, voltage] = tallies;
             self.state.lags.frequency.conclude(frequency);
             self.state.lags.voltage.conclude(voltage);
+        } else {
+            self.tell(&diagnosis);
         }
-        self.tell(&diagnosis);
     }
 }
 
@@ -315,10 +317,12 @@ impl Stages for Sweep<'_> {
                 }
             }
         }
-        let (available, live) = (&adopted.available, self.live);
-        self.diagnosis.take(from, to, |i| {
-            let own = lines[i & mask];
-            Seen { available: available[i], live: live[i], told_p: own[1], own }
-        });
+        if !self.moves {
+            let (available, live) = (&adopted.available, self.live);
+            self.diagnosis.take(from, to, |i| {
+                let own = lines[i & mask];
+                Seen { available: available[i], live: live[i], told_p: own[1], own }
+            });
+        }
     }
 }

@@ -25,6 +25,22 @@ pub struct Group<M> {
     pub range: Range,
     /// For outputs: the inputs that they follow within a step.
     pub dependencies: Dependencies<M>,
+    /// For Reals: where they stand one after the other, so that a call moves them together.
+    pub row: Row<M>,
+}
+
+/// The values of a whole group in their order, where the model keeps them so; else `None`, and the functions of
+/// [`Access`] do it one by one.
+pub struct Row<M> {
+    /// To be read.
+    pub get: fn(&M) -> Option<&[f64]>,
+    /// To be set.
+    pub set: fn(&mut M) -> Option<&mut [f64]>,
+}
+
+impl<M> Row<M> {
+    /// Not kept so.
+    pub const NONE: Row<M> = Row { get: |_| None, set: |_| None };
 }
 
 /// Read and set functions; the index counts from 0 within the group (0 for a scalar).
@@ -85,6 +101,14 @@ impl Range {
     pub fn contains(&self, value: f64) -> bool {
         let above = if self.min_excluded { value > self.min } else { value >= self.min };
         above && value <= self.max && value.is_finite()
+    }
+
+    /// Whether all are.
+    #[inline]
+    pub fn contains_all(&self, values: &[f64]) -> bool {
+        let least = if self.min_excluded { self.min.next_up() } else { self.min }.max(f64::MIN);
+        let most = self.max.min(f64::MAX);
+        values.iter().all(|&value| value >= least && value <= most)
     }
 }
 
@@ -181,4 +205,27 @@ pub enum Dependencies<M> {
     All(&'static [&'static str]),
     /// What this function names for the variable of that index: (group, 0-based index).
     Of(fn(&M, usize) -> Vec<(&'static str, usize)>),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_by_one_or_together_the_same_values_are_accepted() {
+        let ranges = [
+            Range::ANY,
+            Range::POSITIVE,
+            Range::NOT_NEGATIVE,
+            Range { min: 0.0, min_excluded: true, max: 1.0 },
+            Range { min: -1.0, min_excluded: false, max: 1.0 },
+        ];
+        let tiny = f64::from_bits(1);
+        let values = [0.0, -0.0, tiny, -tiny, 1.0, 1.0_f64.next_up(), -1.0, f64::MAX, f64::MIN];
+        for range in ranges {
+            for value in values.into_iter().chain([f64::INFINITY, f64::NEG_INFINITY, f64::NAN]) {
+                assert_eq!(range.contains_all(&[0.5, value]), range.contains(value), "{value:?} in {range}");
+            }
+        }
+    }
 }
