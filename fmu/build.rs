@@ -20,6 +20,8 @@ fn main() {
 /// rustc asks for `-lgcc_s` by name, and so `-static-libgcc` alone has no effect.
 fn stand_in() -> Option<PathBuf> {
     let (unwinder, arithmetic) = (static_library("libgcc_eh.a")?, static_library("libgcc.a")?);
+    // Another gcc has them elsewhere.
+    println!("cargo::rerun-if-changed={}", unwinder.display());
     let folder = PathBuf::from(std::env::var_os("OUT_DIR")?);
     let script = format!("GROUP ( {} {} )\n", unwinder.display(), arithmetic.display());
     std::fs::write(folder.join("libgcc_s.so"), script).ok()?;

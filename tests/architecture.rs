@@ -136,13 +136,20 @@ fn unsafe_stands_only_where_c_enters() {
 
 #[test]
 fn files_stay_readable() {
-    for file in sources(&root().join("src")) {
-        if GENERATED.iter().any(|generated| file.ends_with(generated)) {
-            continue;
+    for folder in ["src", "tests", "benches", "xtask/src"] {
+        for file in sources(&root().join(folder)) {
+            if GENERATED.iter().any(|generated| file.ends_with(generated)) {
+                continue;
+            }
+            let text = fs::read_to_string(&file).unwrap();
+            let lines = text.lines().count();
+            assert!(lines <= LONGEST_FILE, "{} has {lines} lines; one idea a file", file.display());
+            // A test may say first for which features it is.
+            let says = match folder {
+                "tests" => text.lines().any(|line| line.starts_with("//!")),
+                _ => text.starts_with("//!"),
+            };
+            assert!(says, "{} does not say what it is for", file.display());
         }
-        let text = fs::read_to_string(&file).unwrap();
-        let lines = text.lines().count();
-        assert!(lines <= LONGEST_FILE, "{} has {lines} lines; one idea a file", file.display());
-        assert!(text.starts_with("//!"), "{} does not say what it is for", file.display());
     }
 }

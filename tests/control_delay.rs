@@ -12,7 +12,7 @@ use bess_consensus::control::delay::{History, Quantity, Signals};
 use bess_consensus::control::discretisation::{Flow, SignPower};
 use bess_consensus::control::estimator::{advance, estimates};
 use bess_consensus::control::graph::{Edge, Graph};
-use bess_consensus::control::network::Network;
+use bess_consensus::control::network::{Hearing, Network};
 use control_support::*;
 
 /// The longest delay, s.
@@ -60,7 +60,7 @@ impl Estimator {
             ..Edge::new(e.a as usize - 1, e.b as usize - 1, e.weight)
         };
         let mut network = Network::new(Graph::new(n, edges.iter().map(of).collect(), vec![0.0; n]));
-        network.set_delay(0, &channel);
+        network.set_delay(0, &channel, None);
         let edges = network.delays_ns.len();
         let mut history = History::new(n, network.longest_delay_ns() + channel.horizon_ns());
         history.keep_transfers(edges);
@@ -88,7 +88,8 @@ impl Estimator {
         self.signals.of_mut(Quantity::MeanV).copy_from_slice(&vbar);
         let last_ns = self.received_ns.clone();
         let now = (now_ns, self.sample);
-        self.network.listen(&self.history, now, &self.channel, &last_ns, &mut self.received_ns);
+        let hearing = Hearing { channel: &self.channel, silence_ns: None, mute: &[] };
+        self.network.listen(&self.history, now, hearing, &last_ns, &mut self.received_ns);
         let before = self.transfers.clone();
         let Self { network, history, signals, flow, transfers, .. } = self;
         advance(network, history, signals, flow, self.h_ns, &before, transfers);

@@ -7,6 +7,7 @@ mod control_support;
 
 use bess_consensus::control::Config;
 use bess_consensus::control::config::{Channel, Law, Limits, MeasurementFilter, SocLimits, VoltagePolicy};
+use bess_consensus::control::told::{MessageFault, MessageFaultKind};
 use control_support::*;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -57,8 +58,14 @@ type Change = fn(&mut Config);
 #[test]
 fn no_step_allocates() {
     let n = 12;
-    let cases: [(&str, Change); 7] = [
+    let cases: [(&str, Change); 8] = [
         ("plain", |_| {}),
+        ("outliers and wrong messages", |c| {
+            let kind = MessageFaultKind::Freeze;
+            c.message_faults =
+                vec![MessageFault { agent: 2, told: None, kind, from_s: 1.0, until_s: Some(5.0) }];
+            (c.outlier_filter, c.silence_s) = (1, Some(1.0));
+        }),
         ("delayed", |c| c.delay_s = 0.5),
         ("lossy", |c| c.channel = Channel { jitter_s: 0.1, loss: 0.2, seed: 1 }),
         ("filtered", |c| {

@@ -56,8 +56,13 @@ impl Rates {
     fn of(&mut self, network: &Network, pinned: bool, e: &[f64], flow: &Flow, u: &mut [f64]) {
         let quantity = if pinned { Quantity::Omega } else { Quantity::P };
         self.signals.of_mut(quantity).copy_from_slice(e);
-        let view =
-            View { network, history: &self.history, signals: &self.signals, late: Lateness::default() };
+        let view = View {
+            network,
+            history: &self.history,
+            signals: &self.signals,
+            told: &self.signals,
+            late: Lateness::default(),
+        };
         if pinned {
             frequency(view, flow, &self.zeros, 0.0, u);
         } else {
@@ -294,10 +299,6 @@ fn numbering_the_agents_otherwise_numbers_the_outputs_otherwise() {
         ] {
             assert!(largest_gap(&moved(x), y) < tolerance, "{}", largest_gap(&moved(x), y));
         }
-        for one in [&mut here, &mut other] {
-            one.controller.refresh(&mut |_| {});
-        }
-        let (a, b) = (here.controller.outputs(), other.controller.outputs());
         for (x, y) in
             [(a.spread_P, b.spread_P), (a.T_P, b.T_P), (a.T_omega, b.T_omega), (a.lambda_2, b.lambda_2)]
         {

@@ -9,7 +9,6 @@ use bess_consensus::fmi::{Instance, Interface, Logger};
 use fmi_mock::{Mock, STEP_LOGS};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::time::Instant;
 
 thread_local! {
     static COUNT: Cell<usize> = const { Cell::new(0) };
@@ -120,40 +119,4 @@ fn derivatives_of_both_models_allocate_nothing() {
     let resolved = Resolved::load("case4", &serde_json::Map::new()).unwrap();
     assert_eq!(count(Controller::new(Controller::resource(&resolved)).unwrap()), 0);
     assert_eq!(count(Grid::new(Grid::resource(&resolved).unwrap()).unwrap()), 0);
-}
-
-/// Times, to be read by a person: `cargo test --release --test fmi_allocation -- --ignored --nocapture`.
-#[test]
-#[ignore = "prints times, asserts nothing"]
-fn times() {
-    let time = |what: &str, repeat: u32, f: &mut dyn FnMut()| {
-        f();
-        let best = (0..5)
-            .map(|_| {
-                let start = Instant::now();
-                (0..repeat).for_each(|_| f());
-                start.elapsed().as_secs_f64() / f64::from(repeat)
-            })
-            .fold(f64::INFINITY, f64::min);
-        println!("{what}: {:.3} us", best * 1e6);
-    };
-    let mut small = started(15);
-    let references: Vec<u32> = (1..=50).collect();
-    let mut values = [0.0; 50];
-    time("get 50 reals", 100_000, &mut || small.get_real(&references, &mut values).unwrap());
-    time("set 15 reals", 100_000, &mut || small.set_real(&references[..15], &values[..15]).unwrap());
-    let mut large = started(60_000);
-    let references: Vec<u32> = (1..=180_000).collect();
-    let mut values = vec![0.0; 180_000];
-    time("get 180000 reals", 20, &mut || large.get_real(&references, &mut values).unwrap());
-    time("instance of 240008 variables", 5, &mut || drop(started(60_000)));
-    let snapshot = large.snapshot().unwrap();
-    let bytes = large.serialize(&snapshot).unwrap();
-    println!("serialized: {} bytes", bytes.len());
-    time("serialize", 5, &mut || drop(large.serialize(&snapshot).unwrap()));
-    time("deserialize", 5, &mut || drop(large.deserialize(&bytes).unwrap()));
-    let model = Mock::with(60_000);
-    time("model description", 2, &mut || {
-        drop(bess_consensus::fmi::model_description::write(&model, Interface::Structured).unwrap());
-    });
 }

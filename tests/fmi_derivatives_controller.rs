@@ -107,7 +107,7 @@ fn check(name: &str, set: &[(&str, &str)], dispatch: bool) {
 
 #[test]
 fn built_in_scenarios() {
-    for name in ["case1", "case2", "case3", "case4", "plug_and_play", "voltage", "energy"] {
+    for name in ["case1", "case2", "case3", "case4", "plug_and_play", "voltage", "energy", "faults"] {
         check(name, &[], name == "case2");
     }
 }
@@ -132,6 +132,17 @@ fn delays_policies_filters_and_limits() {
             "control.measurement_filter",
             r#"{ "omega_s": 0.05, "P_s": 0.1, "V_s": 0.02, "Q_s": 0.1, "E_s": 1 }"#,
         )],
+        false,
+    );
+    // The points lie 0.6 s after the start.
+    let faults = r#"[{ "kind": "stuck", "signal": "messages.P[2]", "value": 0.006 },
+        { "kind": "drift", "signal": "messages.omega[6]", "rate_per_s": 1e-4 },
+        { "kind": "stuck", "signal": "messages.V[6]", "from_s": 0.2 },
+        { "kind": "freeze", "signal": "agent[3]", "from_s": 0.3 }]"#;
+    check("case1", &[("faults", faults)], false);
+    check(
+        "case1",
+        &[("faults", faults), ("control.silence_s", "0.1"), ("control.outlier_filter", "1")],
         false,
     );
     // Each limit of every battery, where the scattered points lie on both sides of it.

@@ -80,6 +80,24 @@ fn with_the_states_held() {
     }
 }
 
+/// Loads that are not impedances are looked for; what is no number is not found.
+#[test]
+fn a_direction_beyond_all_numbers_is_refused() {
+    for (name, set, tie) in
+        CASES.into_iter().filter(|(_, set, _)| set.iter().any(|(key, _)| key.ends_with("load_model")))
+    {
+        let mut instance = grid(name, set, Interface::Structured);
+        scatter(&mut instance, &mut Scatter(7), tie);
+        instance.enter_initialization_mode().unwrap();
+        instance.exit_initialization_mode().unwrap();
+        let (known, unknown) = (references(&instance, &["dP_load", "dQ_load"]), outputs(&instance));
+        let (seeds, mut rates) = (vec![f64::MAX; known.len()], vec![0.0; unknown.len()]);
+        let refused = instance.get_directional_derivative(&unknown, &known, &seeds, &mut rates);
+        assert!(refused.unwrap_err().to_string().contains("fmi2GetDirectionalDerivative"));
+        assert!(rates.iter().all(|rate| *rate == 0.0), "a refused call writes nothing");
+    }
+}
+
 #[test]
 fn at_the_start_through_the_steady_state() {
     for (name, set, tie) in CASES {
@@ -92,13 +110,13 @@ fn at_the_start_through_the_steady_state() {
         let (knowns, scales) = knowns(&instance);
         let (mut judged, mut all) = (0, 0);
         for (known, scale) in knowns.iter().zip(&scales).step_by(9) {
-            // The steady state is solved to 1e-12: the differences need a wide stencil.
             let exact = derivative(&mut instance, &unknowns, &[*known], &[*scale]);
             let central = differences(&mut instance, &unknowns, &[*known], &[*scale]);
             for (k, unknown) in unknowns.iter().enumerate() {
                 all += 1;
                 let Some(central) = central[k] else { continue };
                 judged += 1;
+                // The steady state is solved to 1e-12, which a difference over a hundredth makes 1e-10.
                 let tolerance = 1e-6 * exact[k].abs().max(central.abs()).max(1e-4);
                 let name = |r: u32| instance.registry().name(r).unwrap();
                 assert!(

@@ -1,61 +1,20 @@
-//! The safe core: values, steps, time, reset and states, as an in-process master drives them.
+//! The safe core as an in-process master drives it: variables, values, call order, what an instance is. Time is
+//! in `fmi_instance_time.rs`, reset and states are in `fmi_instance_states.rs`.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail")]
 
 mod fmi_mock;
+#[path = "fmi_mock/instances.rs"]
+mod instances;
 
 use bess_consensus::fmi::{
-    Category, Error, Function, Instance, Interface, Logger, ModelError, Snapshot, State, Type, lookup::Value,
+    Category, Error, Function, Instance, Interface, Logger, State, Type, lookup::Value,
 };
 use fmi_mock::resources::Resources;
-use fmi_mock::{Mock, REFRESH_FAILS, STEP_FAILS, STEP_LOGS};
+use fmi_mock::{Mock, STEP_LOGS};
+use instances::*;
 use proptest::prelude::*;
 use std::fmt;
 use std::sync::{Arc, Mutex};
-
-fn mock(n: usize) -> Instance<Mock> {
-    Instance::from_model("mock", Mock::with(n), Interface::Structured, Logger::silent()).unwrap()
-}
-
-fn started(n: usize) -> Instance<Mock> {
-    let mut instance = mock(n);
-    instance.setup_experiment(0.0, None).unwrap();
-    instance.enter_initialization_mode().unwrap();
-    instance.exit_initialization_mode().unwrap();
-    instance
-}
-
-fn reference(instance: &Instance<Mock>, name: &str) -> u32 {
-    instance.registry().reference(name).unwrap_or_else(|| panic!("{name}"))
-}
-
-fn real(instance: &mut Instance<Mock>, name: &str) -> f64 {
-    let mut value = [f64::NAN];
-    let reference = reference(instance, name);
-    instance.get_real(&[reference], &mut value).unwrap();
-    value[0]
-}
-
-fn integer(instance: &mut Instance<Mock>, name: &str) -> i32 {
-    let mut value = [-1];
-    let reference = reference(instance, name);
-    instance.get_integer(&[reference], &mut value).unwrap();
-    value[0]
-}
-
-fn set(instance: &mut Instance<Mock>, name: &str, value: f64) -> Result<(), Error> {
-    let reference = reference(instance, name);
-    instance.set_real(&[reference], &[value])
-}
-
-fn set_fault(instance: &mut Instance<Mock>, fault: i32) {
-    let reference = reference(instance, "fault");
-    instance.set_integer(&[reference], &[fault]).unwrap();
-}
-
-/// Everything that can be observed, down to the bits.
-fn bytes(instance: &Instance<Mock>) -> Vec<u8> {
-    instance.serialize(&instance.snapshot().unwrap()).unwrap()
-}
 
 #[test]
 fn value_references_are_positions_and_names_lead_back() {
@@ -74,22 +33,6 @@ fn value_references_are_positions_and_names_lead_back() {
     assert!(
         registry.locate(0).is_none() && registry.locate(21).is_none() && registry.locate(u32::MAX).is_none()
     );
-}
-
-#[test]
-fn the_response_is_the_closed_form_for_any_sequence_of_steps() {
-    let mut instance = started(3);
-    let mut t = 0.0;
-    for h in [0.1, 0.01, 0.5, 1e-9, 0.37, 2.0] {
-        instance.do_step(t, h).unwrap();
-        t += h;
-        for i in 1..=3 {
-            let goal = 2.0 * f64::from(i);
-            let exact = goal + (0.25 - goal) * f64::exp(-t / 0.5);
-            let found = real(&mut instance, &format!("x[{i}]"));
-            assert!((found - exact).abs() < 1e-12, "x[{i}] at {t}: {found} against {exact}");
-        }
-    }
 }
 
 #[test]
@@ -221,157 +164,6 @@ fn the_call_order_table_is_obeyed_whole() {
 }
 
 #[test]
-fn communication_points_heal_or_are_refused_with_both_times() {
-    let mut instance = mock(1);
-    instance.setup_experiment(-3.5, Some(f64::NAN)).unwrap();
-    instance.enter_initialization_mode().unwrap();
-    instance.exit_initialization_mode().unwrap();
-    assert_eq!(instance.time_s(), -3.5);
-    instance.do_step(-3.5, 0.1).unwrap();
-    instance.do_step(-3.4000000000000004, 0.099_999_999_999_999_78).unwrap();
-    instance.do_step(-3.3 + 0.9e-7, 0.1).unwrap();
-    assert_eq!(instance.time_ns(), -3_200_000_000);
-    instance.do_step(-3.2 - 0.9e-7, 0.1).unwrap();
-    assert_eq!(instance.time_ns(), -3_100_000_000);
-    assert!(instance.do_step(-3.1 + 1.1e-7, 0.1).is_err(), "more than a millionth of the step and a ns");
-    let before = bytes(&instance);
-    let message = instance.do_step(-3.0, 0.1).unwrap_err().to_string();
-    assert!(message.contains("-3.0 s") && message.contains("-3.1 s"), "{message}");
-    for (t, h) in [
-        (-3.1, -0.1),
-        (-3.1, f64::NAN),
-        (-3.1, f64::INFINITY),
-        (f64::NAN, 0.1),
-        (f64::INFINITY, 0.1),
-        (-3.1, 1e11),
-        (-3.1, -f64::MIN_POSITIVE),
-        (f64::MAX, f64::MAX),
-        (-f64::MAX, 0.1),
-    ] {
-        let error = instance.do_step(t, h).expect_err(&format!("{t} {h}"));
-        assert!(error.to_string().starts_with("fmi2DoStep"), "{error}");
-    }
-    instance.do_step(-3.1, 0.0).unwrap();
-    assert_eq!(bytes(&instance), before, "refused steps and steps of no length change nothing");
-    for bad in [f64::NAN, f64::INFINITY, 1e300] {
-        assert!(mock(1).setup_experiment(bad, None).is_err());
-    }
-}
-
-#[test]
-fn ten_hours_of_summed_steps_count_exactly() {
-    let mut instance = started(1);
-    let (mut t, h) = (0.0, 0.1);
-    for _ in 0..360_000 {
-        instance.do_step(t, h).unwrap();
-        t += h;
-    }
-    assert_ne!(t, 36_000.0, "the master's own clock is off");
-    assert_eq!(instance.time_s(), 36_000.0);
-    assert_eq!(instance.model().0.nanoseconds, 36_000_000_000_000);
-}
-
-#[test]
-fn a_failed_step_leaves_the_state_and_the_instance_usable() {
-    let mut instance = started(2);
-    instance.do_step(0.0, 0.1).unwrap();
-    set_fault(&mut instance, STEP_FAILS);
-    let before = bytes(&instance);
-    let error = instance.do_step(0.1, 0.1).unwrap_err();
-    let source = ModelError::new("the mock was told to fail in step");
-    assert_eq!(error, Error::Model { function: Function::DoStep, source });
-    assert_eq!(bytes(&instance), before);
-    set_fault(&mut instance, REFRESH_FAILS);
-    let reference = reference(&instance, "y[1]");
-    assert!(instance.get_real(&[reference], &mut [0.0]).is_err());
-    assert_eq!(real(&mut instance, "u[1]"), 1.0, "inputs can be read back even so");
-    set_fault(&mut instance, 0);
-    instance.do_step(0.1, 0.1).unwrap();
-    assert_eq!(integer(&mut instance, "steps"), 2);
-}
-
-/// A run with everything in it; returns the bits of all outputs along the way.
-fn trajectory(instance: &mut Instance<Mock>) -> Vec<u64> {
-    let references: Vec<u32> = (1..=10).collect();
-    let mut bits = Vec::new();
-    set(instance, "x_start[1]", 0.125).unwrap();
-    instance.setup_experiment(5.0, None).unwrap();
-    instance.enter_initialization_mode().unwrap();
-    instance.exit_initialization_mode().unwrap();
-    for k in 0..50 {
-        let mut values = [0.0; 10];
-        set(instance, "u[2]", f64::from(k) * 0.3).unwrap();
-        set(instance, "gain", 1.0 + f64::from(k)).unwrap();
-        instance.do_step(5.0 + f64::from(k) / 7.0, 1.0 / 7.0).unwrap();
-        instance.get_real(&references, &mut values).unwrap();
-        bits.extend(values.map(f64::to_bits));
-    }
-    bits
-}
-
-#[test]
-fn reset_gives_the_state_after_instantiation_and_an_identical_run() {
-    let mut instance = mock(3);
-    let born = bytes(&instance);
-    let first = trajectory(&mut instance);
-    instance.terminate().unwrap();
-    instance.terminate().unwrap();
-    instance.reset().unwrap();
-    assert_eq!(bytes(&instance), born);
-    assert_eq!(trajectory(&mut instance), first);
-    assert_eq!(trajectory(&mut mock(3)), first);
-}
-
-#[test]
-fn roll_back_and_step_again_is_bit_identical_across_instances() {
-    let mut instance = started(3);
-    instance.do_step(0.0, 0.1).unwrap();
-    set(&mut instance, "u[1]", 9.0).unwrap();
-    let early = instance.snapshot().unwrap();
-    instance.do_step(0.1, 0.3).unwrap();
-    let late = bytes(&instance);
-    assert_ne!(instance.serialize(&early).unwrap(), late);
-    instance.restore(&early).unwrap();
-    assert_eq!(instance.time_ns(), 100_000_000);
-    instance.do_step(0.1, 0.3).unwrap();
-    assert_eq!(bytes(&instance), late);
-
-    let mut other = mock(3);
-    let copy: Snapshot<Mock> = other.deserialize(&instance.serialize(&early).unwrap()).unwrap();
-    other.restore(&copy).unwrap();
-    assert_eq!(other.state(), State::Step);
-    other.do_step(0.1, 0.3).unwrap();
-    assert_eq!(bytes(&other), late);
-}
-
-#[test]
-fn bytes_of_another_fmu_or_damaged_ones_are_refused() {
-    let instance = started(3);
-    let good = bytes(&instance);
-    let stranger = started(4);
-    let message = instance.deserialize(&bytes(&stranger)).err().unwrap().to_string();
-    assert!(message.contains(&stranger.guid().to_string()) && message.contains(&instance.guid().to_string()));
-    let mut mutable = mock(3);
-    assert!(mutable.restore(&stranger.snapshot().unwrap()).is_err());
-    for length in 0..good.len() {
-        assert!(instance.deserialize(&good[..length]).is_err(), "truncated to {length}");
-    }
-    for position in 0..good.len() {
-        for flip in [0x01, 0x80, 0xff] {
-            let mut bad = good.clone();
-            bad[position] ^= flip;
-            assert!(instance.deserialize(&bad).is_err(), "byte {position} with {flip:#x}");
-        }
-    }
-    let padded: Vec<u8> = good.iter().copied().chain([0; 9]).collect();
-    assert!(instance.deserialize(&padded).is_err(), "bytes left over");
-    let snapshot = instance.snapshot().unwrap();
-    let mut short = vec![0; good.len() - 1];
-    assert!(snapshot.serialize_into(&mut short).is_err());
-    assert_eq!(snapshot.serialized_size().unwrap(), good.len());
-}
-
-#[test]
 fn the_portable_interface_is_all_real_under_flat_names() {
     let mut instance =
         Instance::from_model("mock", Mock::with(2), Interface::Portable, Logger::silent()).unwrap();
@@ -461,13 +253,7 @@ fn an_instance_may_move_between_threads() {
 
 proptest! {
     #[test]
-    fn noise_is_refused_and_never_panics(noise in prop::collection::vec(any::<u8>(), 0..200)) {
-        let instance = started(1);
-        prop_assert!(instance.deserialize(&noise).is_err());
-    }
-
-    #[test]
-    fn real_values_survive_to_the_bit(values in prop::collection::vec(-1e300_f64..1e300, 3)) {
+    fn real_values_survive_to_the_bit(values in prop::collection::vec(-1e30_f64..1e30, 3)) {
         let mut instance = mock(3);
         instance.set_real(&[1, 2, 3], &values).unwrap();
         let mut back = [0.0; 3];

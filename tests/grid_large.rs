@@ -96,13 +96,14 @@ fn an_impossible_load_leaves_the_solution() {
     let case = Case::built_in("case57").unwrap();
     let mut solver = PowerFlowSolver::new(&case, Start::Case).unwrap();
     solver.solve().unwrap();
-    let voltages = |s: &PowerFlowSolver| (0..57).map(|b| (s.vm(b), s.va(b))).collect::<Vec<_>>();
-    let before = voltages(&solver);
+    let solution =
+        |s: &PowerFlowSolver| (0..57).map(|b| (s.vm(b), s.va(b), s.injection(b))).collect::<Vec<_>>();
+    let before = solution(&solver);
     let (p, q) = solver.load(30);
     solver.set_load(30, 50.0, 0.0).unwrap();
     let error = solver.solve().unwrap_err().to_string();
     assert!(error.contains("case57") && error.contains("at bus"), "{error}");
-    assert_eq!(voltages(&solver), before);
+    assert_eq!(solution(&solver), before);
     for (b, p) in [(57, 0.1), (3, f64::NAN)] {
         assert!(solver.set_load(b, p, 0.0).is_err());
     }

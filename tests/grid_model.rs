@@ -269,6 +269,23 @@ fn damaged_states_and_inputs_are_refused_whole() {
     assert!(error.starts_with("omega_set[3]: found NaN"), "{error}");
 }
 
+/// That a network has no finite solution is found out by trying; what is read then is what was there before.
+#[test]
+fn a_state_without_a_network_leaves_the_readings() {
+    for network in [NetworkMethod::Kron, NetworkMethod::Sparse] {
+        let mut model = started(&Config { network, ..Config::case57() });
+        model.step(0, 10 * MS).unwrap();
+        let untouched = model.clone();
+        let mut bad = model.state().clone();
+        (bad.inputs.dP_load[11], bad.inputs.dQ_load[11]) = (f64::MAX, f64::MAX);
+        assert!(matches!(model.set_state(&bad), Err(GridError::Singular { .. })));
+        assert_eq!(model.state(), untouched.state());
+        for b in 0..model.n_bus() {
+            assert_eq!(model.bus_V(b).to_bits(), untouched.bus_V(b).to_bits(), "{network:?}, bus {b}");
+        }
+    }
+}
+
 #[test]
 fn a_run_away_is_an_error_and_leaves_the_state() {
     let mut model = started(&Config::case57());

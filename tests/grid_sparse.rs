@@ -1,6 +1,5 @@
 //! The sparse kernel against faer's dense LU on random matrices, with and without a diagonal to pivot on;
-//! and what is built on it against the whole: partial solves, warm power flows, a generated grid of
-//! 2,000 buses.
+//! solves for some unknowns against the whole. Grids that are solved with it are in `grid_large.rs`.
 #![cfg(feature = "grid")]
 #![allow(
     non_snake_case,

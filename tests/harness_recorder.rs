@@ -4,7 +4,7 @@
 
 mod harness_support;
 
-use bess_consensus::harness::recorder::{PARTIAL, WHOLE};
+use bess_consensus::harness::recorder::{PART, WHOLE};
 use bess_consensus::harness::*;
 use harness_support::{MS, Mock, S};
 use std::path::Path;
@@ -67,9 +67,9 @@ fn after_an_error_what_there_is_is_kept_as_partial_until_a_run_succeeds() {
     let folder = tempfile::tempdir().unwrap();
     let mut recorder = Recorder::new(folder.path(), 1);
     run(&mut [source(200 * MS)], &plan(S), &mut recorder).unwrap_err();
-    assert_eq!(recorder.written(), Some(folder.path().join(PARTIAL).as_path()));
-    assert_eq!(files(folder.path()), [PARTIAL]);
-    let text = std::fs::read_to_string(folder.path().join(PARTIAL)).unwrap();
+    assert_eq!(recorder.written(), Some(folder.path().join(PART).as_path()));
+    assert_eq!(files(folder.path()), [PART]);
+    let text = std::fs::read_to_string(folder.path().join(PART)).unwrap();
     assert_eq!(text.lines().last().unwrap(), "0.2,0.2,-2,0,0");
 
     run(&mut [source(i64::MAX)], &plan(S), &mut recorder).unwrap();

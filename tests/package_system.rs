@@ -171,11 +171,11 @@ fn what_does_not_fit_is_refused_with_its_key_and_nothing_is_written() {
     refused(
         &set("connections=[{\"from\":\"grid.P\",\"to\":\"controller.P[1]\"}]"),
         2,
-        &["connections, grid.P to controller.P[1]", "no output"],
+        &["connections[0].from: \"grid.P\"", "no output"],
     );
     refused(
         &set("connections=[{\"from\":\"grid.P[1]\",\"to\":\"controller.enable\"}]"),
         2,
-        &["connections, grid.P[1] to controller.enable", "Real", "Boolean", "--portable"],
+        &["connections[0]: grid.P[1]", "controller.enable", "Real", "Boolean", "--portable"],
     );
 }

@@ -84,12 +84,13 @@ fn config(n: usize, options: &Options) -> Result<Config, String> {
 }
 
 /// The bytes that a step must move, each array once: per agent five measurements, four parameters, four
-/// setpoints of which three are written, five rates written, whether it takes part, is available and saturated,
-/// and what finds out how late the measurements are (five numbers for each of two droops, two of them
-/// written); per edge two ends, weight, share, and the exchange's flow, read and written.
+/// setpoints of which three are written, five rates written, the number of its peers, whether it takes part, is
+/// available and saturated, and for each of two droops what was set, written for later; per edge its weight, and the
+/// exchange's flow, written. Not the ends of edges, which follow from a few distances in this graph; nor what tells how
+/// late the measurements are, for which some thousand agents are asked.
 fn bytes(agents: usize, edges: usize) -> f64 {
-    let per_agent = 8 * (5 + 4 + 4 + 3 + 5 + 2 * (5 + 2)) + 3;
-    let per_edge = 8 + 8 + 8 + 16;
+    let per_agent = 8 * (5 + 4 + 4 + 3 + 5 + 2) + 4 + 3;
+    let per_edge = 8 + 8;
     (per_agent * agents + per_edge * edges) as f64
 }
 

@@ -2,7 +2,7 @@
 
 use super::{Options, case, option};
 use bess_consensus::grid::{
-    Bess, Case, CaseSource, Config, GridModel, NetworkMethod, PowerFlow, Start, power_flow,
+    Bess, Case, CaseSource, Config, GridModel, LoadModel, NetworkMethod, PowerFlow, Start, power_flow,
 };
 use faer::c64;
 use serde_json::json;
@@ -55,27 +55,48 @@ fn dispatch(model: &mut GridModel, config: &Config, flow: &PowerFlow, case: &Cas
     }
 }
 
-/// Simulates and prints times.
-pub fn dynamics(name: &str, options: &Options) -> Result<String, String> {
+/// A grid in its steady state, and what it took to get there.
+pub struct Started {
+    /// The model.
+    pub model: GridModel,
+    /// Time to make it, s.
+    pub new_s: f64,
+    /// Time to find the steady state, s.
+    pub initialise_s: f64,
+}
+
+/// The grid of a case under the options `--bess`, `--network` and `--load-model`.
+pub fn started(name: &str, options: &Options) -> Result<Started, String> {
     let text = |e: bess_consensus::grid::GridError| e.to_string();
     let case = case(name)?;
     let flow = power_flow(&case, Start::Case).map_err(text)?;
     let mut config = config(case.clone(), option(options, "bess", usize::MAX)?)?;
     config.network = match options.get("network").map_or("auto", String::as_str) {
+        "auto" => NetworkMethod::Auto,
         "kron" => NetworkMethod::Kron,
         "sparse" => NetworkMethod::Sparse,
-        _ => NetworkMethod::Auto,
+        other => return Err(format!("--network: found `{other}`; expected auto, kron or sparse")),
     };
-    let step_ns = (option(options, "step-ms", 10.0)? * 1e6) as i64;
-    let seconds: f64 = option(options, "seconds", 2.0)?;
+    config.load_model = match options.get("load-model").map_or("impedance", String::as_str) {
+        "impedance" => LoadModel::Impedance,
+        "constant-power" => LoadModel::ConstantPower,
+        other => return Err(format!("--load-model: found `{other}`; expected impedance or constant-power")),
+    };
     let begin = Instant::now();
     let mut model = GridModel::new(&config).map_err(text)?;
     let new_s = begin.elapsed().as_secs_f64();
     dispatch(&mut model, &config, &flow, &case);
     let begin = Instant::now();
     model.initialise().map_err(text)?;
-    let initialise_s = begin.elapsed().as_secs_f64();
+    Ok(Started { model, new_s, initialise_s: begin.elapsed().as_secs_f64() })
+}
 
+/// Simulates and prints times.
+pub fn dynamics(name: &str, options: &Options) -> Result<String, String> {
+    let text = |e: bess_consensus::grid::GridError| e.to_string();
+    let Started { mut model, new_s, initialise_s } = started(name, options)?;
+    let step_ns = (option(options, "step-ms", 10.0)? * 1e6) as i64;
+    let seconds: f64 = option(options, "seconds", 2.0)?;
     let steps = (seconds * 1e9 / step_ns as f64).round() as i64;
     let (mut step_s, mut internal, mut checksum) = (Vec::with_capacity(steps as usize), 0, 0.0);
     let loaded = model.n_bus() / 2;

@@ -2,9 +2,11 @@
 
 mod dynamics;
 mod options;
+mod parts;
 mod power_flow;
 
 pub use dynamics::dynamics;
+pub use parts::parts;
 pub use power_flow::power_flow;
 
 use bess_consensus::grid::Case;

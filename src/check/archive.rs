@@ -1,10 +1,10 @@
 //! The archive as an archive: can it be unpacked, is everything at its place, what else is in there. Reads the
-//! entries into memory; writes nothing.
+//! entries into memory; what it unpacks to see whether that can be done is gone when it is done.
 
 use super::Report;
 use super::finding::{Finding, Place};
 use super::rules::{self, Rule};
-use crate::harness::Limits;
+use crate::harness::archive::{self, ArchiveError, Limits};
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
@@ -35,17 +35,24 @@ pub struct Contents {
 /// Reads the archive, or says why it cannot be.
 pub fn read(path: &Path, report: &mut Report) -> Option<Contents> {
     // The importer's own reader refuses whatever could do harm, and counts what comes out.
-    if let Err(error) = crate::harness::archive::unpack(path, Limits::default()) {
-        let mend = "pack it again with an ordinary zip program";
-        let place = Place::file(path.display().to_string());
-        let rule = if error.to_string().contains("ompression") { &rules::METHOD } else { &rules::ARCHIVE };
-        report.findings.push(Finding::new(
-            rule,
-            place,
-            error.to_string(),
-            "a zip archive with safe, unique names",
-            mend,
-        ));
+    if let Err(error) = archive::unpack(path, Limits::default()) {
+        let of_reader = matches!(error, ArchiveError::Zip { .. });
+        report.findings.push(match other_method(path).filter(|_| of_reader) {
+            Some((entry, method)) => Finding::new(
+                &rules::METHOD,
+                Place::file(entry),
+                format!("compressed with {method}"),
+                "deflate or no compression (FMI 2.0.4, section 2.3)",
+                "zip it with deflate",
+            ),
+            None => Finding::new(
+                &rules::ARCHIVE,
+                Place::file(path.display().to_string()),
+                error.to_string(),
+                "a zip archive with safe, unique names",
+                "pack it again with an ordinary zip program",
+            ),
+        });
         return None;
     }
     match entries(path, report) {
@@ -64,6 +71,17 @@ pub fn read(path: &Path, report: &mut Report) -> Option<Contents> {
     }
 }
 
+/// The first entry that is neither deflated nor stored, which the importer's reader refuses, and how it is.
+fn other_method(path: &Path) -> Option<(String, CompressionMethod)> {
+    let mut zip = ZipArchive::new(std::io::BufReader::new(std::fs::File::open(path).ok()?)).ok()?;
+    (0..zip.len()).find_map(|index| {
+        let entry = zip.by_index_raw(index).ok()?;
+        let method = entry.compression();
+        let is_known = matches!(method, CompressionMethod::Stored | CompressionMethod::Deflated);
+        if is_known { None } else { Some((entry.name().ok()?.into_owned(), method)) }
+    })
+}
+
 fn entries(path: &Path, report: &mut Report) -> Result<Contents, String> {
     let file = std::fs::File::open(path).map_err(|e| e.to_string())?;
     let mut zip = ZipArchive::new(std::io::BufReader::new(file)).map_err(|e| e.to_string())?;
@@ -75,15 +93,6 @@ fn entries(path: &Path, report: &mut Report) -> Result<Contents, String> {
         let mut complain = |rule: &'static Rule, found: String, expected: &str, mend: &str| {
             report.findings.push(Finding::new(rule, Place::file(name.clone()), found, expected, mend));
         };
-        if !matches!(entry.compression(), CompressionMethod::Stored | CompressionMethod::Deflated) {
-            let found = format!("compressed with {}", entry.compression());
-            complain(
-                &rules::METHOD,
-                found,
-                "deflate or no compression (FMI 2.0.4, section 2.3)",
-                "zip it with deflate",
-            );
-        }
         if name.contains('\\') {
             let mend = "write / between folders, whatever the system";
             complain(&rules::BACKSLASH, "a backslash in the name".into(), "forward slashes", mend);
@@ -141,4 +150,36 @@ fn entries(path: &Path, report: &mut Report) -> Result<Contents, String> {
         ));
     }
     Ok(contents)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::{Cursor, Write};
+    use zip::ZipWriter;
+    use zip::write::SimpleFileOptions;
+
+    #[test]
+    fn another_compression_is_told_from_a_damaged_archive() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("compression method.fmu");
+        let found = |bytes: &[u8]| {
+            std::fs::write(&file, bytes).unwrap();
+            let mut report = Report::default();
+            assert!(read(&file, &mut report).is_none());
+            assert_eq!(report.findings.len(), 1);
+            report.findings.remove(0)
+        };
+        let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
+        let stored = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+        archive.start_file("modelDescription.xml", stored).unwrap();
+        archive.write_all(b"<fmiModelDescription/>").unwrap();
+        let mut bytes = archive.finish().unwrap().into_inner();
+        assert_eq!(found(&bytes[1..bytes.len() / 2]).rule, &rules::ARCHIVE);
+        // 12 is bzip2, once in the entry's own header and once in the directory.
+        let directory = bytes.windows(4).position(|four| four == b"PK\x01\x02").unwrap();
+        (bytes[8], bytes[directory + 10]) = (12, 12);
+        let finding = found(&bytes);
+        assert_eq!((finding.rule, finding.place.file.as_str()), (&rules::METHOD, "modelDescription.xml"));
+    }
 }

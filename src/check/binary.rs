@@ -3,7 +3,7 @@
 
 use super::archive::Contents;
 use super::document::Document;
-use super::finding::{Finding, Place};
+use super::finding::{Finding, Place, first_of};
 use super::rules::{self, Rule};
 use object::read::{File, ImportFlags, NameOrOrdinal};
 use object::{Architecture, BinaryFormat, Object};
@@ -54,7 +54,6 @@ const PE_SYSTEM: &[&str] = &[
 const LINKER: &[&str] = &["_init", "_fini", "__bss_start", "_edata", "_end", "DllMain", "DllEntryPoint"];
 /// The glibc that the oldest systems in use have (CentOS 7).
 const OLD_GLIBC: (u32, u32) = (2, 17);
-const SHOWN: usize = 6;
 
 /// What is wrong with the libraries; adds what is there to `facts`.
 pub fn check(
@@ -134,7 +133,7 @@ fn one_platform(
             ));
             continue;
         };
-        let of = |name| document.implementations.iter().filter(|n| n.has_tag_name(name)).count() > 0;
+        let of = |name| document.implementations.iter().any(|n| n.has_tag_name(name));
         let mut wanted: Vec<&str> = COMMON.split_whitespace().collect();
         if of("CoSimulation") {
             wanted.extend(CO_SIMULATION.split_whitespace());
@@ -189,7 +188,7 @@ fn library(
     if !missing.is_empty() {
         complain(
             &rules::FUNCTIONS,
-            format!("misses {}", first(&missing)),
+            format!("misses {}", first_of(&missing)),
             &format!("all {} functions of FMI 2.0 for what it implements", wanted.len()),
             "export them all; one that is not supported returns fmi2Error",
         );
@@ -202,7 +201,7 @@ fn library(
     if !foreign.is_empty() {
         complain(
             &rules::FOREIGN,
-            format!("{} other symbols exported: {}", foreign.len(), first(&foreign)),
+            format!("{} other symbols exported: {}", foreign.len(), first_of(&foreign)),
             "fmi2... only",
             "hide them: -fvisibility=hidden, a version script or a .def file",
         );
@@ -231,7 +230,7 @@ fn library(
     if !other.is_empty() {
         complain(
             &rules::LIBRARY,
-            format!("needs {}", first(&other)),
+            format!("needs {}", first_of(&other)),
             "the C runtime only, or libraries in the same folder",
             "link it statically, or put it beside the library",
         );
@@ -261,9 +260,4 @@ fn newest_glibc(file: &File<'_>) -> Option<(u32, u32)> {
         _ => None,
     });
     versions.max()
-}
-
-fn first(names: &[String]) -> String {
-    let shown = names.get(..SHOWN.min(names.len())).unwrap_or_default().join(", ");
-    if names.len() > SHOWN { format!("{shown} and {} more", names.len() - SHOWN) } else { shown }
 }

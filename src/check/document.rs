@@ -163,7 +163,7 @@ pub fn children<'a>(node: Node<'a, 'a>) -> impl Iterator<Item = Node<'a, 'a>> {
     node.children().filter(Node::is_element)
 }
 
-/// Where an element begins.
+/// Where an element begins. Counts the lines before it, hence only for what is wrong.
 pub fn place(node: Node<'_, '_>) -> Place {
     Place::line(node.document().text_pos_at(node.range().start).row)
 }

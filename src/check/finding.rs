@@ -2,6 +2,7 @@
 
 use super::rules::Rule;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
+use std::borrow::Borrow;
 use std::fmt;
 
 /// How bad it is; the worst first.
@@ -88,6 +89,15 @@ impl Finding {
     ) -> Self {
         Self { rule, place, found: found.into(), expected: expected.into(), mend: mend.into() }
     }
+}
+
+/// More names than these are counted and not told.
+const SHOWN: usize = 6;
+
+/// The first few of the names, and how many more there are.
+pub fn first_of<S: Borrow<str>>(names: &[S]) -> String {
+    let shown = names.get(..SHOWN.min(names.len())).unwrap_or_default().join(", ");
+    if names.len() > SHOWN { format!("{shown} and {} more", names.len() - SHOWN) } else { shown }
 }
 
 impl Serialize for Finding {

@@ -38,6 +38,8 @@ pub struct Report {
     pub findings: Vec<Finding>,
     /// What is there, for a person: name, kind, platforms, what ran.
     pub facts: Vec<(String, String)>,
+    /// Whether there is a co-simulation FMU to run.
+    co_simulation: bool,
 }
 
 impl Report {
@@ -83,6 +85,7 @@ fn statically(path: &Path, report: &mut Report) {
         report.fact("model", document.summary());
         return report.findings.push(finding);
     }
+    report.co_simulation = document.implementations.iter().any(|node| node.has_tag_name("CoSimulation"));
     report.add(schema::check(&tree));
     report.fact("model", document.summary());
     report.add(model::check(&document));

@@ -5,7 +5,7 @@ use super::finding::Finding;
 use super::rules;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Arrays with more than this many elements are not searched for gaps by list.
+/// Fewer names with an index than these are taken for no array.
 const FEW: usize = 3;
 
 /// What is wrong with names and references.
@@ -63,7 +63,7 @@ fn plain(document: &Document<'_>, findings: &mut Vec<Finding>) {
     }
 }
 
-/// Arrays whose indices do not run from 1 without gaps.
+/// Arrays whose indices leave gaps, whatever the first.
 fn gaps(document: &Document<'_>, findings: &mut Vec<Finding>) {
     let mut arrays: BTreeMap<&str, Vec<(u64, &Variable<'_>)>> = BTreeMap::new();
     for variable in &document.variables {
@@ -77,9 +77,11 @@ fn gaps(document: &Document<'_>, findings: &mut Vec<Finding>) {
     for (array, mut elements) in arrays {
         elements.sort_by_key(|(index, _)| *index);
         let first = elements.first().map_or(1, |(index, _)| *index);
-        let broken = elements.iter().enumerate().find(|(k, (index, _))| *index != first + *k as u64);
+        // Wraps where an index is as large as can be: then the next is a gap too.
+        let expected = |k: usize| first.wrapping_add(k as u64);
+        let broken = elements.iter().enumerate().find(|(k, (index, _))| *index != expected(*k));
         if let Some((k, (index, variable))) = broken.filter(|_| elements.len() >= FEW) {
-            let expected = first + k as u64;
+            let expected = expected(k);
             findings.push(Finding::new(
                 &rules::ARRAY_GAP,
                 variable.place(),
@@ -176,6 +178,26 @@ fn indices(text: &str) -> Option<&str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What `gaps` finds among variables of these names.
+    fn found(names: &[&str]) -> Vec<String> {
+        let variable = |name: &&str| format!("<ScalarVariable name=\"{name}\"><Real/></ScalarVariable>");
+        let variables: String = names.iter().map(variable).collect();
+        let text = format!("<x><ModelVariables>{variables}</ModelVariables></x>");
+        let tree = roxmltree::Document::parse(&text).unwrap();
+        let mut findings = Vec::new();
+        gaps(&Document::of(&tree), &mut findings);
+        findings.into_iter().map(|finding| finding.found).collect()
+    }
+
+    #[test]
+    fn gaps_are_found_however_large_the_index() {
+        assert!(found(&["a[2]", "a[4]", "a[3]", "b[1]", "b[7]"]).is_empty());
+        assert_eq!(found(&["a[1]", "a[2]", "a[4]"]), ["a[4] where a[3] should follow"]);
+        assert_eq!(found(&["a[1]", "a[2]", "a[2]"]), ["a[2] where a[3] should follow"]);
+        let most = format!("a[{}]", u64::MAX);
+        assert_eq!(found(&[&most, &most, &most]), [format!("{most} where a[0] should follow")]);
+    }
 
     #[test]
     fn structured_names_follow_the_grammar() {

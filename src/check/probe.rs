@@ -3,7 +3,7 @@
 
 use super::finding::{Finding, Place};
 use super::rules::{self, Rule};
-use crate::harness::{Causality, Fmu, HarnessError, Kind, Participant, Slave, Value};
+use crate::harness::{Causality, Fmu, HarnessError, Kind, Participant, Slave, Value, Variable};
 use std::io::Write;
 use std::path::Path;
 
@@ -13,6 +13,8 @@ pub const MARK: &str = "@bess-check ";
 const STEPS: i64 = 10;
 /// Where the model suggests no step, ns.
 const STEP_NS: i64 = 10_000_000;
+/// A suggestion is followed up to this, ns: all steps together must fit 64 bits.
+const LONGEST_STEP_NS: f64 = 1e17;
 
 /// What stops the run.
 type Stopped = Box<Finding>;
@@ -51,7 +53,7 @@ fn all(path: &Path) -> Result<(), Stopped> {
         .default_experiment
         .step_s
         .map(|s| (s * 1e9).round())
-        .filter(|ns| *ns >= 1.0 && *ns < 1e18)
+        .filter(|ns| *ns >= 1.0 && *ns <= LONGEST_STEP_NS)
         .map_or(STEP_NS, |ns| ns as i64);
     let can_go_back = description.capabilities.can_get_and_set_state;
     let only_once = description.capabilities.can_be_instantiated_only_once;
@@ -112,13 +114,13 @@ fn run(slave: &mut Slave, step_ns: i64) -> Result<Vec<u64>, Stopped> {
     say("stage reading all variables after the steps");
     let values = read(slave)?;
     let not_finite = values.iter().position(|bits| !f64::from_bits(*bits).is_finite());
-    if let Some(variable) = not_finite.and_then(|at| readable(slave).nth(at)) {
+    if let Some(Variable { name, .. }) = not_finite.and_then(|at| readable(slave).nth(at)) {
         let mut finding = stopped(
             &rules::RUN_NOT_FINITE,
             "a value that is not finite after ten steps from its start values",
             "finite values",
         );
-        finding.place.variable = Some(variable.to_owned());
+        finding.place.variable = Some(name.clone());
         tell(&finding);
     }
     Ok(values)
@@ -147,11 +149,11 @@ fn go_back(slave: &mut Slave, step_ns: i64) -> Result<(), Stopped> {
     Ok(())
 }
 
-/// Names of all variables that are read, in the order of [`read`].
-fn readable(slave: &Slave) -> impl Iterator<Item = &str> {
-    [Kind::Real, Kind::Integer, Kind::Boolean].into_iter().flat_map(|kind| {
-        slave.variables().iter().filter(move |variable| variable.kind == kind).map(|v| v.name.as_str())
-    })
+/// All variables that are read, in the order of [`read`].
+fn readable(slave: &Slave) -> impl Iterator<Item = &Variable> {
+    let all = slave.variables();
+    let of = move |kind| all.iter().filter(move |variable| variable.kind == kind);
+    [Kind::Real, Kind::Integer, Kind::Boolean].into_iter().flat_map(of)
 }
 
 /// The bits of all values: Reals, then Integers, then Booleans, the latter as numbers.
@@ -176,14 +178,11 @@ fn read(slave: &mut Slave) -> Result<Vec<u64>, Stopped> {
 
 /// Inputs and parameters begin with the values that the description promises.
 fn starts(slave: &Slave, values: &[u64]) {
-    let position = |name: &str| readable(slave).position(|known| known == name);
-    let wrong = slave.variables().iter().filter(|variable| {
-        matches!(variable.causality, Causality::Input | Causality::Parameter) && variable.start.is_some()
-    });
-    for variable in wrong {
-        let Some(start) = variable.start.map(Value::as_f64) else { continue };
-        let found = position(&variable.name).and_then(|at| values.get(at)).map(|bits| f64::from_bits(*bits));
-        if let Some(found) = found.filter(|found| *found != start) {
+    for (variable, bits) in readable(slave).zip(values) {
+        let is_set = matches!(variable.causality, Causality::Input | Causality::Parameter);
+        let found = f64::from_bits(*bits);
+        let start = variable.start.filter(|_| is_set).map(Value::as_f64);
+        if let Some(start) = start.filter(|start| *start != found) {
             let mut finding = stopped(
                 &rules::RUN_START,
                 &format!("{found:?} after initialisation"),
@@ -198,7 +197,7 @@ fn starts(slave: &Slave, values: &[u64]) {
 
 fn difference(slave: &Slave, a: &[u64], b: &[u64]) -> String {
     let at = a.iter().zip(b).position(|(a, b)| a != b).unwrap_or(0);
-    let name = readable(slave).nth(at).unwrap_or_default();
+    let name = readable(slave).nth(at).map_or("", |variable| &variable.name);
     let value = |values: &[u64]| values.get(at).map_or(f64::NAN, |bits| f64::from_bits(*bits));
     format!("{name} is {:?} instead of {:?}", value(b), value(a))
 }

@@ -6,9 +6,10 @@ use super::probe::MARK;
 use super::rules;
 use super::{Report, Severity};
 use serde_json::Value;
-use std::io::Read;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant};
 
 /// How the run is started.
@@ -30,13 +31,14 @@ impl Runner {
         };
         let broken = |rule| report.findings.iter().any(|finding| std::ptr::eq(finding.rule, rule));
         if broken(&rules::ARCHIVE)
+            || broken(&rules::METHOD)
             || broken(&rules::NO_DESCRIPTION)
             || broken(&rules::MALFORMED)
             || broken(&rules::VERSION)
         {
             return skip("nothing to run", report);
         }
-        if !report.facts.iter().any(|(name, value)| name == "model" && value.contains("co-simulation")) {
+        if !report.co_simulation {
             return skip("no co-simulation", report);
         }
         match self.start(path) {
@@ -45,7 +47,7 @@ impl Runner {
         }
     }
 
-    fn start(&self, path: &Path) -> std::io::Result<(Child, std::sync::mpsc::Receiver<String>)> {
+    fn start(&self, path: &Path) -> std::io::Result<(Child, Receiver<String>)> {
         let (program, arguments) = &self.command;
         let mut child = Command::new(program)
             .args(arguments)
@@ -54,34 +56,28 @@ impl Runner {
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()?;
-        let (sender, receiver) = std::sync::mpsc::channel();
-        if let Some(mut output) = child.stdout.take() {
+        let (sender, receiver) = sync_channel(1024);
+        if let Some(output) = child.stdout.take() {
             // Read aside, so that a child that hangs does not take this process with it.
             std::thread::spawn(move || {
-                let mut bytes = Vec::new();
-                let mut chunk = [0; 4096];
-                while let Ok(count) = output.read(&mut chunk) {
-                    bytes.extend_from_slice(chunk.get(..count).unwrap_or_default());
-                    if count == 0 {
-                        break;
-                    }
-                    while let Some(end) = bytes.iter().position(|byte| *byte == b'\n') {
-                        let line: Vec<u8> = bytes.drain(..=end).collect();
-                        let _ = sender.send(String::from_utf8_lossy(&line).trim_end().to_owned());
-                    }
+                for line in BufReader::new(output).split(b'\n').map_while(Result::ok) {
+                    let _ = sender.send(String::from_utf8_lossy(&line).trim_end().to_owned());
                 }
             });
         }
         Ok((child, receiver))
     }
 
-    fn judge(&self, mut child: Child, lines: std::sync::mpsc::Receiver<String>, report: &mut Report) {
+    fn judge(&self, mut child: Child, lines: Receiver<String>, report: &mut Report) {
         let until = Instant::now() + self.patience;
         let (mut stage, mut done) = ("starting".to_owned(), false);
         let needs_tool = report.findings.iter().any(|f| std::ptr::eq(f.rule, &rules::EXECUTION_TOOL));
         let mut hangs = false;
         loop {
-            match lines.recv_timeout(until.saturating_duration_since(Instant::now())) {
+            // A line that waits is received in no time too: one that prints without end must not go on for ever.
+            let left = until.saturating_duration_since(Instant::now());
+            let next = if left.is_zero() { Err(RecvTimeoutError::Timeout) } else { lines.recv_timeout(left) };
+            match next {
                 Ok(line) => {
                     match line.strip_prefix(MARK).map(|rest| rest.split_once(' ').unwrap_or((rest, ""))) {
                         Some(("stage", name)) => name.clone_into(&mut stage),
@@ -95,13 +91,20 @@ impl Runner {
                         _ => {}
                     }
                 }
-                Err(std::sync::mpsc::RecvTimeoutError::Disconnected) => break,
-                Err(std::sync::mpsc::RecvTimeoutError::Timeout) => {
+                Err(RecvTimeoutError::Disconnected) => break,
+                Err(RecvTimeoutError::Timeout) => {
                     hangs = true;
-                    let _ = child.kill();
                     break;
                 }
             }
+        }
+        // Code that closes its output may go on all the same.
+        while !hangs && matches!(child.try_wait(), Ok(None)) {
+            hangs = Instant::now() >= until;
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        if hangs {
+            let _ = child.kill();
         }
         let ended = child.wait();
         let place = Place::file("short run");

@@ -95,8 +95,8 @@ fn attributes(node: Node<'_, '_>, expected: &Element, findings: &mut Vec<Finding
             continue;
         }
         let (name, value) = (attribute.name(), attribute.value());
-        let Some((_, kind, _)) = expected.attributes.iter().find(|(known, ..)| *known == name) else {
-            let known: Vec<&str> = expected.attributes.iter().map(|(known, ..)| *known).collect();
+        let Some((_, kind, _)) = expected.attributes().find(|(known, ..)| *known == name) else {
+            let known: Vec<&str> = expected.attributes().map(|(known, ..)| *known).collect();
             // The standard spells it so.
             let mend = if name.eq_ignore_ascii_case("canRunAsynchronously") {
                 "spell it canRunAsynchronuously, as the schema does".to_owned()
@@ -125,7 +125,7 @@ fn attributes(node: Node<'_, '_>, expected: &Element, findings: &mut Vec<Finding
             ));
         }
     }
-    for (name, _, required) in expected.attributes {
+    for (name, _, required) in expected.attributes() {
         if *required && node.attribute(*name).is_none() {
             findings.push(complain(
                 &rules::MISSING_ATTRIBUTE,

@@ -43,26 +43,35 @@ pub struct Particle {
 pub struct Element {
     /// Its name.
     pub name: &'static str,
-    /// Its attributes.
-    pub attributes: &'static [Attribute],
+    /// Its own attributes.
+    own: &'static [Attribute],
+    /// Those that it shares with others.
+    shared: &'static [Attribute],
     /// Its elements, in order.
     pub sequence: &'static [Particle],
     /// Whether anything may stand in it.
     pub open: bool,
 }
 
-const MANY: u32 = u32::MAX;
+impl Element {
+    /// Its attributes.
+    pub fn attributes(&self) -> impl Iterator<Item = &'static Attribute> {
+        self.own.iter().chain(self.shared)
+    }
 
-const fn leaf(name: &'static str, attributes: &'static [Attribute]) -> Element {
-    Element { name, attributes, sequence: &[], open: false }
+    const fn and(self, shared: &'static [Attribute]) -> Element {
+        Element { shared, ..self }
+    }
 }
 
-const fn node(
-    name: &'static str,
-    attributes: &'static [Attribute],
-    sequence: &'static [Particle],
-) -> Element {
-    Element { name, attributes, sequence, open: false }
+const MANY: u32 = u32::MAX;
+
+const fn leaf(name: &'static str, own: &'static [Attribute]) -> Element {
+    node(name, own, &[])
+}
+
+const fn node(name: &'static str, own: &'static [Attribute], sequence: &'static [Particle]) -> Element {
+    Element { name, own, shared: &[], sequence, open: false }
 }
 
 const fn some(any_of: &'static [&'static Element], least: u32, most: u32) -> Particle {
@@ -72,37 +81,33 @@ const fn some(any_of: &'static [&'static Element], least: u32, most: u32) -> Par
 static FILE: Element = leaf("File", &[("name", Text, true)]);
 static SOURCE_FILES: Element = node("SourceFiles", &[], &[some(&[&FILE], 1, MANY)]);
 
+/// Of both kinds of FMU.
+const OF_BOTH: &[Attribute] = &[
+    ("modelIdentifier", Text, true),
+    ("needsExecutionTool", Bool, false),
+    ("canBeInstantiatedOnlyOncePerProcess", Bool, false),
+    ("canNotUseMemoryManagementFunctions", Bool, false),
+    ("canGetAndSetFMUstate", Bool, false),
+    ("canSerializeFMUstate", Bool, false),
+    ("providesDirectionalDerivative", Bool, false),
+];
 static MODEL_EXCHANGE: Element = node(
     "ModelExchange",
-    &[
-        ("modelIdentifier", Text, true),
-        ("needsExecutionTool", Bool, false),
-        ("completedIntegratorStepNotNeeded", Bool, false),
-        ("canBeInstantiatedOnlyOncePerProcess", Bool, false),
-        ("canNotUseMemoryManagementFunctions", Bool, false),
-        ("canGetAndSetFMUstate", Bool, false),
-        ("canSerializeFMUstate", Bool, false),
-        ("providesDirectionalDerivative", Bool, false),
-    ],
+    &[("completedIntegratorStepNotNeeded", Bool, false)],
     &[some(&[&SOURCE_FILES], 0, 1)],
-);
+)
+.and(OF_BOTH);
 static CO_SIMULATION: Element = node(
     "CoSimulation",
     &[
-        ("modelIdentifier", Text, true),
-        ("needsExecutionTool", Bool, false),
         ("canHandleVariableCommunicationStepSize", Bool, false),
         ("canInterpolateInputs", Bool, false),
         ("maxOutputDerivativeOrder", Unsigned, false),
         ("canRunAsynchronuously", Bool, false),
-        ("canBeInstantiatedOnlyOncePerProcess", Bool, false),
-        ("canNotUseMemoryManagementFunctions", Bool, false),
-        ("canGetAndSetFMUstate", Bool, false),
-        ("canSerializeFMUstate", Bool, false),
-        ("providesDirectionalDerivative", Bool, false),
     ],
     &[some(&[&SOURCE_FILES], 0, 1)],
-);
+)
+.and(OF_BOTH);
 
 static BASE_UNIT: Element = leaf(
     "BaseUnit",
@@ -125,21 +130,22 @@ static UNIT: Element =
     node("Unit", &[("name", Text, true)], &[some(&[&BASE_UNIT], 0, 1), some(&[&DISPLAY_UNIT], 0, MANY)]);
 static UNITS: Element = node("UnitDefinitions", &[], &[some(&[&UNIT], 1, MANY)]);
 
-static TYPE_REAL: Element = leaf(
-    "Real",
-    &[
-        ("quantity", Text, false),
-        ("unit", Text, false),
-        ("displayUnit", Text, false),
-        ("relativeQuantity", Bool, false),
-        ("min", Double, false),
-        ("max", Double, false),
-        ("nominal", Double, false),
-        ("unbounded", Bool, false),
-    ],
-);
-static TYPE_INTEGER: Element =
-    leaf("Integer", &[("quantity", Text, false), ("min", Int, false), ("max", Int, false)]);
+/// The group fmi2RealAttributes.
+const OF_REALS: &[Attribute] = &[
+    ("quantity", Text, false),
+    ("unit", Text, false),
+    ("displayUnit", Text, false),
+    ("relativeQuantity", Bool, false),
+    ("min", Double, false),
+    ("max", Double, false),
+    ("nominal", Double, false),
+    ("unbounded", Bool, false),
+];
+/// The group fmi2IntegerAttributes.
+const OF_INTEGERS: &[Attribute] = &[("quantity", Text, false), ("min", Int, false), ("max", Int, false)];
+
+static TYPE_REAL: Element = leaf("Real", OF_REALS);
+static TYPE_INTEGER: Element = leaf("Integer", OF_INTEGERS);
 static TYPE_BOOLEAN: Element = leaf("Boolean", &[]);
 static TYPE_STRING: Element = leaf("String", &[]);
 static ITEM: Element =
@@ -164,8 +170,7 @@ static EXPERIMENT: Element = leaf(
         ("stepSize", Double, false),
     ],
 );
-static TOOL: Element =
-    Element { name: "Tool", attributes: &[("name", Text, true)], sequence: &[], open: true };
+static TOOL: Element = Element { open: true, ..leaf("Tool", &[("name", Text, true)]) };
 static VENDOR: Element = node("VendorAnnotations", &[], &[some(&[&TOOL], 1, MANY)]);
 static ANNOTATIONS: Element = node("Annotations", &[], &[some(&[&TOOL], 1, MANY)]);
 
@@ -173,41 +178,18 @@ static REAL: Element = leaf(
     "Real",
     &[
         ("declaredType", Text, false),
-        ("quantity", Text, false),
-        ("unit", Text, false),
-        ("displayUnit", Text, false),
-        ("relativeQuantity", Bool, false),
-        ("min", Double, false),
-        ("max", Double, false),
-        ("nominal", Double, false),
-        ("unbounded", Bool, false),
         ("start", Double, false),
         ("derivative", Unsigned, false),
         ("reinit", Bool, false),
     ],
-);
-static INTEGER: Element = leaf(
-    "Integer",
-    &[
-        ("declaredType", Text, false),
-        ("quantity", Text, false),
-        ("min", Int, false),
-        ("max", Int, false),
-        ("start", Int, false),
-    ],
-);
+)
+.and(OF_REALS);
+static INTEGER: Element =
+    leaf("Integer", &[("declaredType", Text, false), ("start", Int, false)]).and(OF_INTEGERS);
 static BOOLEAN: Element = leaf("Boolean", &[("declaredType", Text, false), ("start", Bool, false)]);
 static STRING: Element = leaf("String", &[("declaredType", Text, false), ("start", Text, false)]);
-static ENUMERATION: Element = leaf(
-    "Enumeration",
-    &[
-        ("declaredType", Text, true),
-        ("quantity", Text, false),
-        ("min", Int, false),
-        ("max", Int, false),
-        ("start", Int, false),
-    ],
-);
+static ENUMERATION: Element =
+    leaf("Enumeration", &[("declaredType", Text, true), ("start", Int, false)]).and(OF_INTEGERS);
 static VARIABLE: Element = node(
     "ScalarVariable",
     &[

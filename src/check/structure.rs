@@ -1,14 +1,11 @@
 //! ModelStructure: complete, ascending, with dependencies (FMI 2.0.4, section 2.2.8).
 
 use super::document::{Document, Variable, place};
-use super::finding::{Finding, Place};
+use super::finding::{Finding, Place, first_of};
 use super::numbers::unsigned;
 use super::rules::{self, Rule};
 use roxmltree::Node;
 use std::collections::BTreeSet;
-
-/// Names in a message.
-const SHOWN: usize = 5;
 
 /// What is wrong with ModelStructure. Indices count variables from 1.
 pub fn check(document: &Document<'_>) -> Vec<Finding> {
@@ -54,11 +51,11 @@ fn listed(document: &Document<'_>, part: &str, findings: &mut Vec<Finding>) -> B
     };
     for unknown in document.unknowns(part) {
         let Some(index) = unknown.attribute("index").and_then(unsigned) else { continue };
-        let (index, at) = (index as usize, place(unknown));
+        let index = index as usize;
         if index == 0 || index > document.variables.len() || !indices.insert(index) {
             complain(
                 &rules::INDEX,
-                at.clone(),
+                place(unknown),
                 format!("index=\"{index}\" in <{part}>"),
                 "each position in <ModelVariables> at most once, from 1",
                 "write the position of the variable, counted from 1, not its value reference",
@@ -66,7 +63,7 @@ fn listed(document: &Document<'_>, part: &str, findings: &mut Vec<Finding>) -> B
         } else if index < last {
             complain(
                 &rules::UNKNOWN_ORDER,
-                at.clone(),
+                place(unknown),
                 format!("index=\"{index}\" after {last} in <{part}>"),
                 "ascending indices",
                 "sort the entries",
@@ -176,9 +173,6 @@ fn differences(
         if names.is_empty() {
             continue;
         }
-        let shown = names.get(..SHOWN.min(names.len())).unwrap_or_default().join(", ");
-        let more =
-            if names.len() > SHOWN { format!(" and {} more", names.len() - SHOWN) } else { String::new() };
         let expectation = match part {
             "Outputs" => "every variable with causality=\"output\"",
             "Derivatives" => "every variable with an attribute derivative",
@@ -187,7 +181,7 @@ fn differences(
         findings.push(Finding::new(
             rule,
             at.clone(),
-            format!("{what} in <{part}>: {shown}{more}"),
+            format!("{what} in <{part}>: {}", first_of(&names)),
             format!("exactly {expectation}"),
             format!("{mend} <Unknown index=\"...\"/> for each"),
         ));

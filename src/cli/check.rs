@@ -88,7 +88,7 @@ fn as_json(args: &CheckArgs, report: &Report) -> Result<String, Failure> {
 fn as_text(args: &CheckArgs, report: &Report, colour: bool) -> String {
     let mut text = format!("{}\n", args.file.display());
     for (name, value) in &report.facts {
-        let _ = writeln!(text, "  {name}: {value}");
+        let _ = writeln!(text, "  {}: {}", printable(name), printable(value));
     }
     for finding in &report.findings {
         write_finding(&mut text, finding, colour);

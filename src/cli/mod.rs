@@ -1,5 +1,5 @@
 //! The `bess` command: parse, call one function, print. Exit codes: 0 done, 1 the run or the file failed (or `check` found errors),
-//! 2 the command line or the scenario is wrong.
+//! 2 the command line or the scenario is wrong, 3 an FMU in a process of its own crashed or hung.
 #![forbid(unsafe_code)]
 #![allow(non_snake_case)]
 
@@ -7,6 +7,7 @@ mod bounds;
 mod certified;
 mod check;
 mod cluster;
+mod duration;
 mod export;
 mod run;
 mod show;
@@ -29,7 +30,7 @@ use std::process::ExitCode;
   bess cluster case1                              who talks to whom, and why
   bess check MyGrid.fmu                           what is wrong with an FMU, and who refuses it
 
-SCENARIO is a JSON file or a built-in name: case1, case2, case3, case4, plug_and_play, voltage, energy.")]
+SCENARIO is a JSON file or a built-in name: case1, case2, case3, case4, plug_and_play, voltage, energy, faults.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -53,6 +54,9 @@ enum Command {
         /// The FMU
         file: PathBuf,
     },
+    /// Takes calls for one FMU, in a process that may die of it
+    #[command(name = run::WORKER, hide = true)]
+    Worker(run::WorkerArgs),
     /// Print a scenario as it is read, a start for one's own
     Show(ScenarioArgs),
     /// Print the JSON Schema of scenarios
@@ -62,7 +66,7 @@ enum Command {
 /// A scenario with some keys changed.
 #[derive(Args, Clone)]
 pub struct ScenarioArgs {
-    /// JSON file or built-in name: case1, case2, case3, case4, plug_and_play, voltage, energy
+    /// JSON file or built-in name: case1, case2, case3, case4, plug_and_play, voltage, energy, faults
     #[arg(value_name = "SCENARIO")]
     scenario: String,
     /// Change a key of the scenario: --set control.gains.E=0 (repeatable)
@@ -121,6 +125,7 @@ pub fn main(carried: &'static [u8]) -> ExitCode {
             crate::check::probe(&file);
             Ok(())
         }
+        Command::Worker(args) => run::work(&args),
         Command::Show(args) => show::show(&args),
         Command::Schema => show::schema(),
     };

@@ -86,15 +86,18 @@ impl Controller {
                 }
             }
         }
-        for (i, (was, &is)) in adopted.available.iter_mut().zip(&inputs.available).enumerate() {
-            if *was != is {
-                *was = is;
-                changed = true;
-                events(if is {
-                    Event::AgentJoined { agent: i + 1 }
-                } else {
-                    Event::AgentLeft { agent: i + 1 }
-                });
+        // Of many agents mostly none has come or gone.
+        if adopted.available != inputs.available {
+            for (i, (was, &is)) in adopted.available.iter_mut().zip(&inputs.available).enumerate() {
+                if *was != is {
+                    *was = is;
+                    changed = true;
+                    events(if is {
+                        Event::AgentJoined { agent: i + 1 }
+                    } else {
+                        Event::AgentLeft { agent: i + 1 }
+                    });
+                }
             }
         }
         if changed {
@@ -113,12 +116,14 @@ impl Controller {
     pub(super) fn rebuild(&mut self) -> Topology {
         let adopted = &self.state.adopted;
         let mut topology = self.topologies.build(adopted.topology, &adopted.available);
-        self.network = Network::new(std::mem::take(&mut topology.graph));
+        let graph = std::mem::take(&mut topology.graph);
+        self.network = Network::new(graph).sorting_out(self.fixed.outlier_filter);
         self.scratch.wave = Wave::new(&self.network);
         let edges = self.network.graph.edges().len();
         self.scratch.flows = vec![0.0; edges];
         self.scratch.transfers = vec![0.0; edges];
-        self.scratch.received_ns = vec![i64::MIN; if self.fixed.channel.is_lossy() { 2 * edges } else { 0 }];
+        let keeps_times = self.fixed.channel.keeps_times(self.fixed.silence_ns);
+        self.scratch.received_ns = vec![i64::MIN; if keeps_times { 2 * edges } else { 0 }];
         self.state.outputs.cluster.copy_from_slice(&topology.cluster);
         self.spectrum.tuning = None;
         std::mem::replace(&mut self.topology, topology)
@@ -172,14 +177,36 @@ impl Controller {
         }
     }
 
-    /// Brings delays and eigenvalues in line with parameters and graph.
-    pub(super) fn tune(&mut self) {
-        let tuning = self.tuning();
-        self.network.set_delay(nanoseconds(tuning.delay), &self.fixed.channel);
-        let horizon_ns = self.network.longest_delay_ns() + self.fixed.channel.horizon_ns();
+    /// Brings delays, eigenvalues and the room for the past in line with parameters and graph.
+    fn tune(&mut self) {
+        self.tune_network();
+        let (horizon_ns, edges) = self.past_needed();
         self.state.history.reach(horizon_ns);
-        if self.state.parameters.voltage_policy == VoltagePolicy::Average {
-            self.state.history.keep_transfers(self.network.graph.edges().len());
+        self.state.history.keep_transfers(edges);
+    }
+
+    /// After a state was taken over: the same without a change of that state. Where it was saved between a new
+    /// parameter and the refresh that makes room for it, the next refresh tunes again.
+    pub(super) fn tune_to_state(&mut self) {
+        self.tune_network();
+        let (horizon_ns, edges) = self.past_needed();
+        if !self.state.history.has_room(horizon_ns, edges) {
+            self.spectrum.tuning = None;
+        }
+    }
+
+    /// How far back values are looked up, ns, and of how many edges the past transfers are.
+    fn past_needed(&self) -> (i64, usize) {
+        let horizon_ns = self.network.longest_delay_ns().saturating_add(self.fixed.channel.horizon_ns());
+        let averages = self.state.parameters.voltage_policy == VoltagePolicy::Average;
+        (horizon_ns, if averages { self.network.graph.edges().len() } else { 0 })
+    }
+
+    fn tune_network(&mut self) {
+        let tuning = self.tuning();
+        self.network.set_delay(nanoseconds(tuning.delay), &self.fixed.channel, self.fixed.silence_ns);
+        if self.spectrum.tuning == Some(tuning) {
+            return;
         }
         self.spectrum = Spectrum {
             P: self.tie(tuning.gain_P, tuning.eta, tuning.dispatch),

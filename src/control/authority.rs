@@ -44,6 +44,11 @@ impl Authority {
         Self { share, excess, upper, wanted }
     }
 
+    /// The same of an agent that does not act: it keeps its share and has nothing to learn from.
+    pub fn at_rest(self) -> Self {
+        Self { excess: 0.0, ..self }
+    }
+
     /// The share, now that the step has led to `Q`, pu, within (low, high).
     pub fn learn<S: Scalar>(&self, Q: S, (low, high): (S, S)) -> S {
         let c = S::constant;

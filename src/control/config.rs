@@ -3,6 +3,7 @@
 //! (Table I, electrical distances) belong to whoever writes the file.
 
 use super::communication::Communication;
+use super::told::MessageFault;
 use serde::{Deserialize, Serialize};
 
 /// Everything fixed about a controller of n agents; n is the length of `K_P`.
@@ -67,6 +68,17 @@ pub struct Config {
     /// Jitter and loss of messages.
     #[serde(default)]
     pub channel: Channel,
+    /// Time without a message that makes sense after which an agent leaves a neighbour out of its sums until one
+    /// arrives, s, > 0; without it the last message counts for ever.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub silence_s: Option<f64>,
+    /// f: each agent leaves out the f largest and f smallest values of its neighbours where it has more than 2f;
+    /// see `outlier`.
+    #[serde(default)]
+    pub outlier_filter: u32,
+    /// Faults of what agents tell their neighbours, for trials.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub message_faults: Vec<MessageFault>,
 }
 
 fn default_eta() -> f64 {
@@ -251,6 +263,14 @@ pub struct Channel {
     pub seed: u64,
 }
 
+impl Channel {
+    /// Whether receivers keep the times of messages: because they may be late or lost, or because `silence_s`
+    /// asks for them.
+    pub fn keeps_times(&self, silence_ns: Option<i64>) -> bool {
+        self.is_lossy() || silence_ns.is_some()
+    }
+}
+
 impl Config {
     /// Number of agents.
     pub fn agents(&self) -> usize {
@@ -283,6 +303,9 @@ impl Config {
             lost_link_fade_s: None,
             exchange_fade_s: 0.0,
             channel: Channel::default(),
+            silence_s: None,
+            outlier_filter: 0,
+            message_faults: Vec::new(),
         }
     }
 }

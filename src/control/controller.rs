@@ -3,7 +3,7 @@
 
 use super::authority::Authority;
 use super::config::{Config, Law, Limits, MeasurementFilter};
-use super::delay::{History, Signals};
+use super::delay::{History, QUANTITIES, Signals};
 use super::error::ConfigError;
 use super::event::Event;
 use super::exchange::Exchange;
@@ -14,6 +14,7 @@ use super::limits::LimitTable;
 use super::network::{Lateness, Network};
 use super::state::{Adopted, Clock, Lags, State};
 use super::time::{nanoseconds, seconds};
+use super::told::MessageFault;
 use super::topology::{Topologies, Topology};
 use super::wave::Wave;
 use super::{adopt::Spectrum, config::Channel, discretisation::SignPower};
@@ -45,6 +46,9 @@ pub(super) struct Fixed {
     pub no_circulation: bool,
     pub lost_link_fade_s: Option<f64>,
     pub exchange_fade_s: f64,
+    pub silence_ns: Option<i64>,
+    pub outlier_filter: u32,
+    pub message_faults: Vec<MessageFault>,
     /// Whether no option asks for more than `sweep` does.
     pub is_plain: bool,
 }
@@ -67,6 +71,52 @@ pub(super) struct Scratch {
     pub owed: [Vec<f64>; 2],
     pub authority: Vec<Authority>,
     pub wave: Wave,
+    /// What agents tell, who tells nothing and who has stopped; empty without faults of messages.
+    pub told: Signals,
+    pub mute: Vec<bool>,
+    pub frozen: Vec<bool>,
+}
+
+/// Whether `sweep` does all that a configuration asks for, as far as nothing changes it between steps. Every option
+/// is named, so that a new one is not forgotten here.
+fn is_plain(config: &Config) -> bool {
+    let Config {
+        // What `sweep` does.
+        K_P: _,
+        K_Q: _,
+        capacity: _,
+        P_exchange_max: _,
+        omega_set_start: _,
+        V_set_start: _,
+        eta: _,
+        gains: _,
+        theta_min_s: _,
+        theta_E_s: _,
+        discretisation: _,
+        exchange_fade_s: _,
+        // What `Controller::is_plain` looks at in every step.
+        delay_s: _,
+        voltage_policy: _,
+        communication: _,
+        channel: _,
+        // What it leaves to `evaluate`.
+        law,
+        limits,
+        measurement_filter,
+        no_circulation,
+        lost_link_fade_s,
+        silence_s,
+        outlier_filter,
+        message_faults,
+    } = config;
+    *law == Law::FiniteTime
+        && *limits == Limits::default()
+        && *measurement_filter == MeasurementFilter::default()
+        && !no_circulation
+        && lost_link_fade_s.is_none()
+        && silence_s.is_none()
+        && *outlier_filter == 0
+        && message_faults.is_empty()
 }
 
 impl Controller {
@@ -99,6 +149,7 @@ impl Controller {
             followed: Vec::new(),
             owed: Default::default(),
             authority: Vec::new(),
+            told: Vec::new(),
             inputs,
         };
         let topology = topologies.build(0, &state.adopted.available);
@@ -110,13 +161,13 @@ impl Controller {
             no_circulation: config.no_circulation,
             lost_link_fade_s: config.lost_link_fade_s,
             exchange_fade_s: config.exchange_fade_s,
-            is_plain: config.law == Law::FiniteTime
-                && config.limits == Limits::default()
-                && config.measurement_filter == MeasurementFilter::default()
-                && !config.no_circulation
-                && config.lost_link_fade_s.is_none(),
+            silence_ns: config.silence_s.map(nanoseconds),
+            outlier_filter: config.outlier_filter,
+            message_faults: config.message_faults.clone(),
+            is_plain: is_plain(&config),
         };
         let bounded = fixed.limits.power || fixed.no_circulation;
+        let faulty = if fixed.message_faults.is_empty() { 0 } else { n };
         let scratch = Scratch {
             signals: Signals::new(n),
             filtered: vec![0.0; if fixed.filter == MeasurementFilter::default() { 0 } else { 5 * n }],
@@ -126,6 +177,9 @@ impl Controller {
             followed: vec![0.0; if bounded { n } else { 0 }],
             owed: std::array::from_fn(|_| vec![0.0; if fixed.limits.power { n } else { 0 }]),
             authority: vec![Authority::default(); if fixed.limits.power { n } else { 0 }],
+            told: Signals::new(faulty),
+            mute: vec![false; faulty],
+            frozen: vec![false; faulty],
             ..Scratch::default()
         };
         let mut controller = Self {
@@ -166,8 +220,7 @@ impl Controller {
         &mut self.state.parameters
     }
 
-    /// The outputs: setpoints of the last step, the five inputs of the paper as of the last refresh or step, the
-    /// diagnostics as of the last refresh.
+    /// The outputs: setpoints of the last step, the rest as of the last refresh or step.
     pub fn outputs(&self) -> &Outputs {
         &self.state.outputs
     }
@@ -217,6 +270,11 @@ impl Controller {
         let chosen = usize::try_from(i64::from(inputs.topology) - 1);
         adopted.topology = chosen.ok().filter(|&k| k < self.topologies.count()).unwrap_or(0);
         self.state.clock = Clock::default();
+        // What evaluations before have left there must not reach the state.
+        let scratch = &mut self.scratch;
+        for values in [&mut scratch.filtered, &mut scratch.shares, &mut scratch.followed] {
+            values.fill(0.0);
+        }
         self.state.filtered.clone_from(&self.scratch.filtered);
         self.state.shares.clone_from(&self.scratch.shares);
         self.state.followed.clone_from(&self.scratch.followed);
@@ -225,6 +283,7 @@ impl Controller {
         self.state.owed.clone_from(&self.scratch.owed);
         self.state.authority.clone_from(&self.scratch.authority);
         self.state.fade_left_ns = nanoseconds(self.fixed.exchange_fade_s);
+        self.state.told = vec![0.0; QUANTITIES * self.scratch.mute.len()];
         self.state.held.clear();
         self.state.history = History::new(n, 0);
         self.state.lags = Lags::start(&self.state.outputs);
@@ -242,10 +301,9 @@ impl Controller {
         self.adopt(events);
         let clock = self.state.clock;
         if self.is_plain() {
-            self.sweep(clock.step_ns, false);
+            self.look_around(clock.step_ns, false);
         } else {
             self.evaluate(clock.now_ns, clock.step_ns);
-            self.diagnose();
         }
     }
 
@@ -258,16 +316,18 @@ impl Controller {
         }
         self.adopt(events);
         if self.is_plain() {
-            if self.agents() <= FEW {
-                self.step_few(duration_ns)
-            } else {
-                self.sweep(duration_ns, true)
-            }
+            self.look_around(duration_ns, true);
             self.pass(start_ns, duration_ns);
         } else {
+            self.fade_in_who_is_back(start_ns);
             self.evaluate(start_ns, duration_ns);
             self.advance(start_ns, duration_ns);
         }
+    }
+
+    /// The plain way, for few or for many.
+    fn look_around(&mut self, h_ns: i64, moves: bool) {
+        if self.agents() <= FEW { self.visit_few(h_ns, moves) } else { self.sweep(h_ns, moves) }
     }
 
     /// The state, to be kept for a rollback.
@@ -278,15 +338,22 @@ impl Controller {
     /// Takes over a state of a controller made from the same configuration; on an error nothing changes.
     pub fn set_state(&mut self, state: &State) -> Result<(), ConfigError> {
         state.check(self.agents(), self.topologies.count(), &self.scratch)?;
-        let before = self.clone();
-        self.state.clone_from(state);
-        self.rebuild();
-        let edges = self.network.graph.edges().len();
-        if let Err(error) = self.state.check_edges(edges, self.scratch.received_ns.len()) {
-            *self = before;
-            return Err(error);
+        if self.state.adopted.graph() == state.adopted.graph() {
+            // The usual rollback: the graph is there already, and perhaps its eigenvalues.
+            state.check_edges(self.network.graph.edges().len(), self.scratch.received_ns.len())?;
+            self.state.clone_from(state);
+            self.state.outputs.cluster.copy_from_slice(&self.topology.cluster);
+        } else {
+            let before = self.clone();
+            self.state.clone_from(state);
+            self.rebuild();
+            let edges = self.network.graph.edges().len();
+            if let Err(error) = self.state.check_edges(edges, self.scratch.received_ns.len()) {
+                *self = before;
+                return Err(error);
+            }
         }
-        self.tune();
+        self.tune_to_state();
         Ok(())
     }
 
@@ -303,6 +370,7 @@ impl Controller {
             limits: &self.fixed.limits,
             no_circulation: self.fixed.no_circulation,
             late: Lateness::default(),
+            mute: &self.scratch.mute,
         }
     }
 

@@ -26,7 +26,7 @@ pub enum Quantity {
 }
 
 /// Number of quantities.
-const QUANTITIES: usize = 7;
+pub(super) const QUANTITIES: usize = 7;
 /// The slot number of the present values, which are not in the ring yet.
 const PRESENT: u32 = u32::MAX;
 /// Upper bound of the stored values of all slots together; the number of slots follows from it.
@@ -112,14 +112,26 @@ impl History {
             self.times = vec![0; slots];
             self.values = vec![0.0; slots * QUANTITIES * self.n];
         }
-        // Two slots are the ends of the span, one is the newest sample, which thinning may move.
-        self.spacing_ns = horizon_ns / (slots as i64 - 3) + 1;
+        self.spacing_ns = Self::spacing(slots, horizon_ns);
     }
 
-    /// Keeps the transfers of `edges` edges from now on, as 0 in the past unless they were kept already.
+    /// Two slots are the ends of the span, one is the newest sample, which thinning may move.
+    fn spacing(slots: usize, horizon_ns: i64) -> i64 {
+        horizon_ns / (slots as i64 - 3) + 1
+    }
+
+    /// Whether [`Self::reach`] and [`Self::keep_transfers`] would change nothing.
+    pub fn has_room(&self, horizon_ns: i64, edges: usize) -> bool {
+        let reaches = horizon_ns <= 0
+            || (self.is_kept() && self.spacing_ns == Self::spacing(self.times.len(), horizon_ns));
+        reaches && (edges == 0 || self.transfers.len() == self.times.len() * edges)
+    }
+
+    /// Keeps the transfers of `edges` edges from now on, as 0 in the past unless they were kept already; 0 leaves
+    /// things as they are.
     pub fn keep_transfers(&mut self, edges: usize) {
         let needed = self.times.len() * edges;
-        if self.transfers.len() != needed {
+        if edges > 0 && self.transfers.len() != needed {
             self.transfers = vec![0.0; needed];
         }
     }
@@ -145,6 +157,8 @@ impl History {
             && (self.oldest < slots || (slots == 0 && self.oldest == 0))
             && self.spacing_ns >= 0
             && self.values.iter().all(|x| x.is_finite())
+            && (1..self.len).all(|k| self.time(k - 1) < self.time(k))
+            && self.len.checked_sub(1).is_none_or(|last| self.time(last).checked_sub(self.time(0)).is_some())
     }
 
     /// Whether samples are kept at all.
@@ -210,8 +224,8 @@ impl History {
         }
         let newest = self.time(high);
         if t_ns >= newest {
-            let span = (now_ns - newest) as f64;
-            let (fraction, per_s) = ((t_ns - newest) as f64 / span, 1e9 / span);
+            let span = now_ns.saturating_sub(newest) as f64;
+            let (fraction, per_s) = (t_ns.saturating_sub(newest) as f64 / span, 1e9 / span);
             return Bracket { before: self.slot(high) as u32, after: PRESENT, fraction, per_s };
         }
         while high - low > 1 {
@@ -277,7 +291,7 @@ impl Channel {
     /// How far back a value may have to be looked up beyond the delay, ns. After a long loss it is the
     /// oldest sample kept, at least one second old.
     pub fn horizon_ns(&self) -> i64 {
-        nanoseconds(self.jitter_s) + if self.loss > 0.0 { 1_000_000_000 } else { 0 }
+        nanoseconds(self.jitter_s).saturating_add(if self.loss > 0.0 { 1_000_000_000 } else { 0 })
     }
 
     /// Time of the newest value that `to` has of `from` at sample number `sample`, when a punctual
@@ -290,7 +304,7 @@ impl Channel {
             return last_ns;
         }
         let late = unit(mix(draw)) * self.jitter_s;
-        last_ns.max(punctual_ns - nanoseconds(late))
+        last_ns.max(punctual_ns.saturating_sub(nanoseconds(late)))
     }
 }
 

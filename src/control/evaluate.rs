@@ -1,15 +1,15 @@
 //! What follows the inputs at once: the signals, the five inputs of the paper after limits, the energy
-//! exchange that a step would set; the diagnostics, when asked for. Writes outputs and scratch, never setpoints or memory.
+//! exchange that a step would set, the diagnostics. Writes outputs and scratch, never setpoints or memory.
 
-use super::config::{Discretisation, VoltagePolicy};
+use super::config::{Discretisation, MeasurementFilter, VoltagePolicy};
 use super::controller::Controller;
 use super::delay::Quantity;
-use super::diagnosis::{Diagnosis, Seen};
+use super::diagnosis::{CHUNK, Diagnosis, Seen};
 use super::discretisation::{Flow, SignPower, boundary_layer};
 use super::estimator::estimates;
 use super::exchange::{HeldLink, setpoints};
 use super::lag::{Lag, no_load};
-use super::network::Lateness;
+use super::network::{Hearing, Lateness};
 use super::protocol::{View, active_power, average_voltage, energy, frequency, reactive_power, voltage};
 use super::scalar::Scalar;
 use super::time::seconds;
@@ -26,16 +26,35 @@ const SHARE_LOOPS: f64 = 2.0;
 /// step. From 1/30 the turns linger, beyond 1/10 the sharing itself is slow; in between it hardly matters.
 const DELAY_LAYER: f64 = 1.0 / 20.0;
 
+/// The filtered signals in the order of the state's `filtered`, each with its time constant, s.
+pub(super) fn filters(filter: &MeasurementFilter) -> [(Quantity, f64); 5] {
+    [
+        (Quantity::Omega, filter.omega_s),
+        (Quantity::P, filter.P_s),
+        (Quantity::V, filter.V_s),
+        (Quantity::Q, filter.Q_s),
+        (Quantity::Soc, filter.E_s),
+    ]
+}
+
 impl Controller {
     /// Evaluates everything at `now_ns` for a step of `h_ns`.
     pub(super) fn evaluate(&mut self, now_ns: i64, h_ns: i64) {
         let h_s = seconds(h_ns);
         self.measure(now_ns);
+        self.find_faulty(now_ns);
+        let mut told = std::mem::take(&mut self.scratch.told);
+        self.tell_instead((now_ns, 0.0), &self.scratch.signals, &mut told);
+        self.scratch.told = told;
         let clock = self.state.clock;
         self.network.listen(
             &self.state.history,
             (now_ns, clock.samples),
-            &self.fixed.channel,
+            Hearing {
+                channel: &self.fixed.channel,
+                silence_ns: self.fixed.silence_ns,
+                mute: &self.scratch.mute,
+            },
             &self.state.received_ns,
             &mut self.scratch.received_ns,
         );
@@ -44,8 +63,11 @@ impl Controller {
             self.laws(h_s);
             self.limit(h_s);
             self.exchange(h_ns);
+            self.hold_frozen();
         } else {
-            self.scratch.owed.iter_mut().for_each(|owed| owed.fill(0.0));
+            for i in 0..self.agents() {
+                self.rest(i);
+            }
             let outputs = &mut self.state.outputs;
             for u in
                 [&mut outputs.u_omega, &mut outputs.u_P, &mut outputs.u_E, &mut outputs.u_V, &mut outputs.u_Q]
@@ -53,6 +75,7 @@ impl Controller {
                 u.fill(0.0);
             }
         }
+        self.diagnose();
     }
 
     /// The signals that the agents work with and tell each other, filtered where asked.
@@ -76,18 +99,8 @@ impl Controller {
             signals.of_mut(Quantity::Soc)[i] = inputs.E[i] / parameters.capacity[i];
         }
         if !scratch.filtered.is_empty() {
-            let filter = self.fixed.filter;
-            let elapsed_s = seconds((now_ns - state.clock.sampled_ns).max(0));
-            for (k, (quantity, constant_s)) in [
-                (Quantity::Omega, filter.omega_s),
-                (Quantity::P, filter.P_s),
-                (Quantity::V, filter.V_s),
-                (Quantity::Q, filter.Q_s),
-                (Quantity::Soc, filter.E_s),
-            ]
-            .into_iter()
-            .enumerate()
-            {
+            let elapsed_s = seconds(now_ns.saturating_sub(state.clock.sampled_ns).max(0));
+            for (k, (quantity, constant_s)) in filters(&self.fixed.filter).into_iter().enumerate() {
                 // The exact response of a first-order lag to a held measurement.
                 let share = if constant_s > 0.0 { -(-elapsed_s / constant_s).exp_m1() } else { 1.0 };
                 let values = signals.of_mut(quantity);
@@ -125,7 +138,7 @@ impl Controller {
         if scratch.shares.is_empty() {
             return;
         }
-        let elapsed_s = seconds((now_ns - state.clock.sampled_ns).max(0));
+        let elapsed_s = seconds(now_ns.saturating_sub(state.clock.sampled_ns).max(0));
         let first = state.clock.samples == 0;
         let new = |T_s: f64| if first || T_s == 0.0 { 1.0 } else { -(-elapsed_s / T_s).exp_m1() };
         let followed = new(followed_s);
@@ -179,6 +192,7 @@ impl Controller {
             network: &self.network,
             history: &self.state.history,
             signals: &self.scratch.signals,
+            told: self.scratch.told(),
             late: Lateness::default(),
         };
         let dispatch = inputs.dispatch.then_some(inputs.P_ref);
@@ -190,6 +204,7 @@ impl Controller {
             network: &self.network,
             history: &self.state.history,
             signals: &self.scratch.signals,
+            told: self.scratch.told(),
             late: Lateness::default(),
         };
         frequency(view, &flow_omega, &outputs.u_P, inputs.omega_ref, &mut outputs.u_omega);
@@ -208,11 +223,17 @@ impl Controller {
 
     /// Boundary layer of the exchange for a step of `h_s`, s.
     pub(super) fn exchange_layer(&self, h_s: f64) -> f64 {
-        let parameters = &self.state.parameters;
+        self.exchange_layer_of(h_s, self.state.parameters.theta_E)
+    }
+
+    /// The same with this theta_E, s.
+    pub(super) fn exchange_layer_of<S: Scalar>(&self, h_s: f64, theta_E_s: S) -> S {
         // theta_E is part of the exchange, not of its sampling: the bare law keeps it.
-        match parameters.discretisation {
-            Discretisation::Capped => (self.state.lags.frequency.loop_steps() * h_s).max(parameters.theta_E),
-            Discretisation::Explicit => parameters.theta_E,
+        match self.state.parameters.discretisation {
+            Discretisation::Capped => {
+                S::constant(self.state.lags.frequency.loop_steps() * h_s).max(theta_E_s)
+            }
+            Discretisation::Explicit => theta_E_s,
         }
     }
 
@@ -225,7 +246,7 @@ impl Controller {
         self.exchange_of(self.power(), theta_s, h_ns).flows(
             &self.network,
             &self.state.history,
-            &self.scratch.signals,
+            self.scratch.told(),
             &self.state.flows,
             &mut flows,
             &mut saturated,
@@ -250,28 +271,35 @@ impl Controller {
         self.fixed.lost_link_fade_s.map_or(link.flow, |fade_s| link.flow * (-seconds(h_ns) / fade_s).exp())
     }
 
-    /// Spreads, errors and certified times, from the signals of the last evaluation.
-    pub(super) fn diagnose(&mut self) {
+    /// Spreads, errors and certified times, from the present signals.
+    fn diagnose(&mut self) {
         let (signals, inputs) = (&self.scratch.signals, &self.state.inputs);
         let (available, live) = (&self.state.adopted.available, &self.topology.live);
-        let owed = |k: usize, i: usize| self.state.owed[k].get(i).copied().unwrap_or(0.0);
         let goal = inputs.dispatch.then_some(inputs.P_ref);
         let mut diagnosis = Diagnosis::new(inputs.omega_ref, inputs.V_ref, goal);
-        diagnosis.take(0, live.len(), |i| Seen {
-            available: available[i],
-            live: live[i],
-            told_p: signals.of(Quantity::P)[i],
-            own: [
-                signals.of(Quantity::Omega)[i],
-                signals.of(Quantity::P)[i] - owed(0, i),
-                signals.of(Quantity::V)[i],
-                signals.of(Quantity::Q)[i] - owed(1, i),
-                signals.of(Quantity::Soc)[i],
-                0.0,
-                0.0,
-                0.0,
-            ],
-        });
+        let n = live.len();
+        let mut own = [[0.0; CHUNK]; 2];
+        for from in (0..n).step_by(CHUNK) {
+            let r = from..n.min(from + CHUNK);
+            let of = |quantity: Quantity| &signals.of(quantity)[r.clone()];
+            for (own, quantity) in own.iter_mut().zip([Quantity::P, Quantity::Q]) {
+                for (own, i) in own.iter_mut().zip(r.clone()) {
+                    *own = self.own(signals, quantity, i);
+                }
+            }
+            diagnosis.take(Seen {
+                available: &available[r.clone()],
+                live: &live[r.clone()],
+                told_p: of(Quantity::P),
+                own: [
+                    of(Quantity::Omega),
+                    &own[0][..r.len()],
+                    of(Quantity::V),
+                    &own[1][..r.len()],
+                    of(Quantity::Soc),
+                ],
+            });
+        }
         self.tell(&diagnosis);
     }
 

@@ -34,13 +34,15 @@ pub struct Exchange<'a, S = f64> {
     pub no_circulation: bool,
     /// 0, but in a derivative.
     pub late: Lateness<S>,
+    /// Who tells nothing that makes sense: what both ends agreed on last goes on over its edges. Empty where all do.
+    pub mute: &'a [bool],
 }
 
 impl<S: Scalar> Exchange<'_, S> {
     /// f_ij = sgn(d) min(3600 g_E w_ij s(d), 3600 min(C_i, C_j) abs(d) / (theta (1 + max(deg_i, deg_j)))),
     /// d = SoC_i - SoC_j, pu, limited to min(P_exchange_max_i / deg_i, P_exchange_max_j / deg_j), both ends
-    /// at t - tau, with theta = max(h, theta_E, 2 tau). `flows` holds those of the last step and becomes
-    /// those of this one; `limited` is set for the agents whose limits bind.
+    /// at t - tau, with theta = max(h, theta_E, 2 tau) and deg without the virtual leader. `flows` becomes those
+    /// of this step, `last` being those of the step before; `limited` is set for the agents whose limits bind.
     pub fn flows(
         &self,
         network: &Network,
@@ -54,6 +56,10 @@ impl<S: Scalar> Exchange<'_, S> {
         let past = (history, self.late);
         for (e, edge) in network.graph.edges().iter().enumerate() {
             let (a, b) = edge.ends();
+            if [a, b].iter().any(|&i| self.mute.get(i) == Some(&true)) {
+                flows[e] = c(last[e]);
+                continue;
+            }
             let (soc_a, soc_b) = network.agreed_late(e, past, Quantity::Soc, signals.of(Quantity::Soc));
             let (P_a, P_b) = network.agreed_late(e, past, Quantity::Share, signals.of(Quantity::Share));
             let d = soc_a - soc_b;

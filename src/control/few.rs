@@ -1,8 +1,9 @@
-//! The step of up to eight agents: the laws of `protocol` and `exchange` under the conditions of `sweep`, without what
+//! A step or an evaluation of up to eight agents: the laws of `protocol` and `exchange` under the conditions of `sweep`, without what
 //! a sweep spends on getting ready. One quantity a lane; agents and edges one after the other. Gives the bits of
 //! `evaluate` and `step`.
 
 use super::controller::Controller;
+use super::diagnosis::{Diagnosis, Seen};
 use super::discretisation::SignPower;
 use super::exchange::SECONDS_PER_HOUR;
 use super::lag::{LANES, load_few, no_load};
@@ -64,8 +65,8 @@ impl Laws {
 }
 
 impl Controller {
-    /// As `sweep` that moves, for at most [`FEW`] agents.
-    pub(super) fn step_few(&mut self, h_ns: i64) {
+    /// As `sweep`, for at most [`FEW`] agents.
+    pub(super) fn visit_few(&mut self, h_ns: i64, moves: bool) {
         let h_s = seconds(h_ns);
         let (parameters, lags) = (&self.state.parameters, &self.state.lags);
         let flows = [
@@ -75,7 +76,10 @@ impl Controller {
             self.flow(parameters.gain_Q, &lags.voltage, h_s),
         ];
         let up_to_date = self.is_up_to_date();
-        let step = Step {
+        let inputs = &self.state.inputs;
+        let mut diagnosis =
+            Diagnosis::new(inputs.omega_ref, inputs.V_ref, inputs.dispatch.then_some(inputs.P_ref));
+        Arch::new().dispatch(Visit {
             laws: Laws {
                 power: flows[0].power,
                 gains: flows.map(|flow| flow.gain),
@@ -85,30 +89,34 @@ impl Controller {
             theta_E_s: self.exchange_layer(h_s).max(0.0),
             fade: self.fade(h_ns),
             h_s,
+            moves,
             adds_unseen: [lags.frequency.adds_unseen(), lags.voltage.adds_unseen()]
                 .map(|adds| adds && up_to_date),
             network: &self.network,
             live: &self.topology.live,
             state: &mut self.state,
-        };
-        Arch::new().dispatch(step);
+            diagnosis: &mut diagnosis,
+        });
+        self.tell(&diagnosis);
     }
 }
 
-/// A step, compiled for each kind of processor.
-struct Step<'a> {
+/// An evaluation, or a step that also `moves`; compiled for each kind of processor.
+struct Visit<'a> {
     laws: Laws,
     gain_E: f64,
     theta_E_s: f64,
     fade: f64,
     h_s: f64,
+    moves: bool,
     adds_unseen: [bool; 2],
     network: &'a Network,
     live: &'a [bool],
     state: &'a mut State,
+    diagnosis: &'a mut Diagnosis,
 }
 
-impl NullaryFnOnce for Step<'_> {
+impl NullaryFnOnce for Visit<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -117,12 +125,15 @@ impl NullaryFnOnce for Step<'_> {
         let (mut sums, mut P_set) = ([Four::default(); FEW], [0.0; FEW]);
         self.edges(&places, &mut sums, &mut P_set);
         self.pins(&places, &mut sums);
-        self.learn();
+        if self.moves {
+            self.learn();
+        }
         self.advance(&sums, &P_set);
+        self.diagnose(&places);
     }
 }
 
-impl Step<'_> {
+impl Visit<'_> {
     #[inline(always)]
     fn measure(&mut self) -> [Place; FEW] {
         let State { inputs, parameters, outputs, lags, .. } = &mut *self.state;
@@ -196,7 +207,9 @@ impl Step<'_> {
             if self.fade < 1.0 {
                 exchange = *last + self.fade * (exchange - *last);
             }
-            *last = exchange;
+            if self.moves {
+                *last = exchange;
+            }
             P_set[a] += exchange;
             P_set[b] -= exchange;
         }
@@ -256,11 +269,24 @@ impl Step<'_> {
             let [omega, p, v, q] = sums[i];
             (u_omega[i], u_P[i], u_V[i], u_Q[i]) = (omega + p, p, v + q, q);
             u_E[i] = if live[i] { -P_set[i] / (SECONDS_PER_HOUR * capacity[i]) } else { 0.0 };
-            if live[i] {
+            if live[i] && self.moves {
                 omega_set[i] += h_s * u_omega[i];
                 V_set[i] += h_s * u_V[i];
                 exchange[i] = P_set[i];
             }
         }
+    }
+
+    #[inline(always)]
+    fn diagnose(&mut self, places: &[Place; FEW]) {
+        let n = self.live.len().min(FEW);
+        let of = |k: usize| places.map(|place| place.signals[k]);
+        let ([omega, p, V, q], soc) = ([of(0), of(1), of(2), of(3)], places.map(|place| place.soc));
+        self.diagnosis.take(Seen {
+            available: &self.state.adopted.available[..n],
+            live: &self.live[..n],
+            told_p: &p[..n],
+            own: [&omega[..n], &p[..n], &V[..n], &q[..n], &soc[..n]],
+        });
     }
 }

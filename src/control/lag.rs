@@ -33,6 +33,11 @@ const ROUNDINGS: f64 = 4096.0;
 /// Agents whose evidence is summed apart, so that it can be summed side by side.
 pub(super) const LANES: usize = 8;
 const HALF: usize = LANES / 2;
+/// Agents that give evidence, about. The lag is the master's and so common to all: of more agents, those of some
+/// stretches do, spread evenly.
+const WITNESSES: usize = 8192;
+/// Agents of a stretch.
+const STRETCH: usize = 256;
 
 /// Evidence of one step, every eighth agent together.
 #[derive(Clone, Copy, Debug, Default)]
@@ -132,6 +137,14 @@ pub fn no_load(level: f64, droop: f64, power: f64) -> f64 {
     level + droop * power
 }
 
+/// sigma of some agents.
+#[inline(always)]
+fn remember(past: &mut [f64], set: &[f64], droop: &[f64], power_set: &[f64]) {
+    for (past, ((&set, &droop), &power_set)) in past.iter_mut().zip(set.iter().zip(droop).zip(power_set)) {
+        *past = no_load(set, droop, power_set);
+    }
+}
+
 /// The lag of one droop, common to all agents: it is the master's, and both ends of an edge must see the same
 /// boundary layer. As long as it is 0 the law is DESIGN's to the letter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -139,7 +152,7 @@ pub struct Lag {
     steps: usize,
     /// sigma of the last steps, the newest first.
     past: [Vec<f64>; CANDIDATES],
-    /// y of the last step.
+    /// y of the last step, of those who give evidence.
     last: Vec<f64>,
     /// How much each lag missed of the measurements, weighted sum of squares, each square a share of the worst.
     missed: [f64; CANDIDATES],
@@ -206,7 +219,7 @@ impl Lag {
         self.conclude(tally);
     }
 
-    /// The same for agents `from..to`, `from` being a multiple of 8, up to the conclusion.
+    /// The same for agents `from..to`, `from` being a multiple of [`STRETCH`], up to the conclusion.
     #[inline(always)]
     pub(super) fn note(
         &mut self,
@@ -216,32 +229,52 @@ impl Lag {
         (level, set): (&[f64], &[f64]),
         (droop, power, power_set): (&[f64], &[f64], &[f64]),
     ) {
-        let [past_0, past_1, past_2, past_3] = &mut self.past;
-        let (level, set, droop) = (&level[from..to], &set[from..to], &droop[from..to]);
-        let (power, power_set, live) = (&power[from..to], &power_set[from..to], &live[from..to]);
-        let (past_0, past_1, past_2) = (&past_0[from..to], &past_1[from..to], &past_2[from..to]);
-        let (past_3, last) = (&mut past_3[from..to], &mut self.last[from..to]);
-        let at = |base: usize| base..(base + LANES).min(to - from);
-        for base in (0..to - from).step_by(LANES) {
+        let every = live.len().div_ceil(WITNESSES).max(1);
+        for first in (from..to).step_by(STRETCH) {
+            let r = first..to.min(first + STRETCH);
+            if (first / STRETCH).is_multiple_of(every) {
+                let (levels, powers) =
+                    ((&level[r.clone()], &set[r.clone()]), (&power[r.clone()], &power_set[r.clone()]));
+                self.hear(tally, first, (&live[r.clone()], compare), levels, (&droop[r.clone()], powers));
+            }
+            let [.., past] = &mut self.past;
+            remember(&mut past[r.clone()], &set[r.clone()], &droop[r.clone()], &power_set[r]);
+        }
+    }
+
+    /// The evidence of agents from `first` on.
+    #[inline(always)]
+    fn hear(
+        &mut self,
+        tally: &mut Tally,
+        first: usize,
+        (live, compare): (&[bool], bool),
+        (level, set): (&[f64], &[f64]),
+        (droop, (power, power_set)): (&[f64], (&[f64], &[f64])),
+    ) {
+        let count = live.len();
+        let past = self.past.each_ref().map(|past| &past[first..first + count]);
+        let last = &mut self.last[first..first + count];
+        for base in (0..count).step_by(LANES) {
+            let at = base..count.min(base + LANES);
             let load = |values: &[f64]| {
                 let mut lanes = [0.0; LANES];
-                match values[at(base)].as_array() {
+                match values[at.clone()].as_array() {
                     Some(whole) => lanes = *whole,
-                    None => lanes[..at(base).len()].copy_from_slice(&values[at(base)]),
+                    None => lanes[..at.len()].copy_from_slice(&values[at.clone()]),
                 }
                 lanes
             };
             let mut counted = [false; LANES];
-            for (counted, &live) in counted.iter_mut().zip(&live[at(base)]) {
+            for (counted, &live) in counted.iter_mut().zip(&live[at.clone()]) {
                 *counted = compare & live;
             }
             let droop = load(droop);
             let (y, sigma) =
                 (no_loads(load(level), droop, load(power)), no_loads(load(set), droop, load(power_set)));
-            let pasts = [sigma, load(past_0), load(past_1), load(past_2), load(past_3)];
+            let pasts = [sigma, load(past[0]), load(past[1]), load(past[2]), load(past[3])];
             tally.take(&counted, &y, &load(last), &pasts);
-            last[at(base)].copy_from_slice(&y[..at(base).len()]);
-            past_3[at(base)].copy_from_slice(&sigma[..at(base).len()]);
+            last[at.clone()].copy_from_slice(&y[..at.len()]);
         }
     }
 

@@ -12,6 +12,7 @@
 //! | `sweep`, `wave`, `power`, `diagnosis`, `order` | the same for many agents at once, in vector code |
 //! | `few` | the same for a handful of agents |
 //! | `delay`, `lag` | what agents know of each other, how late that is |
+//! | `told`, `outlier` | wrong messages, and the option that sorts outliers out |
 //! | `limits`, `authority`, `relay`, `saturation` | what they can do, and what becomes of what they cannot |
 //! | `certificates`, `spectrum` | how long it takes |
 //! | `scalar`, `tangent`, `tangent_limits`, `tangent_diagnostics` | the laws in dual numbers: what the outputs do along a direction |
@@ -22,6 +23,7 @@
 
 mod adopt;
 pub mod authority;
+mod blocks;
 pub mod certificates;
 pub mod clustering;
 pub mod communication;
@@ -38,10 +40,12 @@ pub mod exchange;
 mod few;
 pub mod graph;
 pub mod io;
+mod kernels;
 pub mod lag;
 pub mod limits;
 pub mod network;
 pub mod order;
+pub mod outlier;
 pub mod power;
 pub mod protocol;
 pub mod relay;
@@ -55,6 +59,7 @@ pub mod tangent;
 mod tangent_diagnostics;
 mod tangent_limits;
 mod time;
+pub mod told;
 pub mod topology;
 mod validate;
 mod wave;

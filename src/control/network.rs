@@ -5,6 +5,7 @@ use super::config::Channel;
 use super::delay::{Bracket, History, Quantity};
 use super::discretisation::Flow;
 use super::graph::{Edge, Graph};
+use super::outlier::{Link, Trimming};
 use super::scalar::Scalar;
 
 /// A pin to the virtual leader.
@@ -41,6 +42,9 @@ pub struct Network {
     known: Vec<[Bracket; 2]>,
     /// The same at both ends: the older of the two.
     agreed: Vec<Agreed>,
+    /// Whose end of each edge has heard nothing for too long; empty where that does not count.
+    deaf: Vec<[bool; 2]>,
+    trimming: Option<Trimming>,
 }
 
 /// What the two ends of an edge both know of each other.
@@ -86,11 +90,18 @@ impl Network {
             longest_follows_common: false,
             known: Vec::new(),
             agreed: Vec::new(),
+            deaf: Vec::new(),
+            trimming: None,
         }
     }
 
+    /// The same with the `f` largest and smallest values sorted out at each agent, see `outlier`.
+    pub fn sorting_out(self, f: u32) -> Self {
+        Self { trimming: Trimming::new(&self.graph, f), ..self }
+    }
+
     /// Sets the delay of the edges that have none of their own, and makes room for what they need.
-    pub fn set_delay(&mut self, common_ns: i64, channel: &Channel) {
+    pub fn set_delay(&mut self, common_ns: i64, channel: &Channel, silence_ns: Option<i64>) {
         for (delay, edge) in self.delays_ns.iter_mut().zip(self.graph.edges()) {
             *delay = edge.delay_ns.unwrap_or(common_ns);
         }
@@ -110,7 +121,9 @@ impl Network {
                 }
             }
         }
-        let edges = if self.longest_delay_ns() > 0 || channel.is_lossy() { self.delays_ns.len() } else { 0 };
+        let keeps_times = channel.keeps_times(silence_ns);
+        let edges = if self.longest_delay_ns() > 0 || keeps_times { self.delays_ns.len() } else { 0 };
+        self.deaf = vec![[false; 2]; if silence_ns.is_some() { edges } else { 0 }];
         self.known = vec![[Bracket::NOW; 2]; edges];
         self.agreed = vec![Agreed::NOW; edges];
     }
@@ -130,30 +143,38 @@ impl Network {
         self.longest_follows_common
     }
 
-    /// Finds out what the agents know of each other at `now_ns`, sample number `sample`. With a lossy
-    /// channel `last_ns` are the times of the last messages, two per edge, and `next_ns` becomes theirs now.
+    /// Finds out what the agents know of each other at `now_ns`, sample number `sample`. Where the times of the
+    /// last messages count, `last_ns` are those, two per edge, and `next_ns` becomes theirs now.
     pub fn listen(
         &mut self,
         history: &History,
         (now_ns, sample): (i64, u64),
-        channel: &Channel,
+        hearing: Hearing<'_>,
         last_ns: &[i64],
         next_ns: &mut [i64],
     ) {
+        let Hearing { channel, silence_ns, mute } = hearing;
+        let keeps_times = channel.keeps_times(silence_ns);
         for e in 0..self.known.len() {
-            let punctual = now_ns - self.delays_ns[e];
+            let punctual = now_ns.saturating_sub(self.delays_ns[e]);
             let mut times = [punctual; 2];
-            if channel.is_lossy() {
+            if keeps_times {
                 let edge = self.graph.edges()[e];
                 for (end, (from, to)) in ENDS.into_iter().zip([(edge.b, edge.a), (edge.a, edge.b)]) {
-                    times[end] = channel.received(from, to, sample, punctual, last_ns[2 * e + end]);
+                    let last = last_ns[2 * e + end];
+                    let is_mute = mute.get(from as usize) == Some(&true);
+                    times[end] =
+                        if is_mute { last } else { channel.received(from, to, sample, punctual, last) };
                     next_ns[2 * e + end] = times[end];
+                    if let (Some(silence_ns), Some(deaf)) = (silence_ns, self.deaf.get_mut(e)) {
+                        deaf[end] = now_ns.saturating_sub(times[end]) > silence_ns;
+                    }
                 }
             }
             self.known[e] = times.map(|t| history.bracket(now_ns, t));
             for end in ENDS {
                 // A message that was not overtaken stays what it was, however long the delay.
-                if channel.is_lossy() && times[end] == last_ns[2 * e + end] {
+                if keeps_times && times[end] == last_ns[2 * e + end] {
                     self.known[e][end] = self.known[e][end].fixed();
                 }
             }
@@ -163,28 +184,69 @@ impl Network {
         }
     }
 
-    /// out_i -= sum_j f(x_i - x_j): the sum of all protocols. The neighbour's value is delayed, one's own
-    /// is not (34). An edge on which nothing is delayed is visited once: f_ij = -f_ji to the last bit.
+    /// out_i -= sum_j f(x_i - x_j): the sum of all protocols. The neighbour's value is what it told, and delayed;
+    /// one's own is neither (34). An edge on which nothing is delayed and nothing wrong is told is visited once:
+    /// f_ij = -f_ji to the last bit.
     pub fn diffuse<S: Scalar>(
         &self,
         (history, late): (&History, Lateness<S>),
-        (quantity, x): (Quantity, &[S]),
+        (quantity, x, told): (Quantity, &[S], &[S]),
         flow: &Flow<S>,
         out: &mut [S],
     ) {
+        if let Some(trimming) = &self.trimming {
+            return self.diffuse_trimmed(trimming, (history, late), (quantity, x, told), flow, out);
+        }
+        let is_true = std::ptr::eq(x, told);
         for (e, edge) in self.graph.edges().iter().enumerate() {
             let (a, b) = edge.ends();
             let known = self.known.get(e).copied().unwrap_or([Bracket::NOW; 2]);
+            let deaf = self.deaf.get(e).copied().unwrap_or([false; 2]);
             let late = late.of(edge.delay_ns);
             let along = |d: S| flow.along(edge.weight, d, self.shares[e]);
-            if known == [Bracket::NOW; 2] {
+            if known == [Bracket::NOW; 2] && is_true && deaf == [false; 2] {
                 let f = along(x[a] - x[b]);
                 out[a] = out[a] - f;
                 out[b] = out[b] + f;
             } else {
-                let of = |end: usize, i: usize| history.value_late(known[end], quantity, i, x, late);
-                out[a] = out[a] - along(x[a] - of(0, b));
-                out[b] = out[b] + along(of(1, a) - x[b]);
+                let of = |end: usize, i: usize| history.value_late(known[end], quantity, i, told, late);
+                if !deaf[0] {
+                    out[a] = out[a] - along(x[a] - of(0, b));
+                }
+                if !deaf[1] {
+                    out[b] = out[b] + along(of(1, a) - x[b]);
+                }
+            }
+        }
+    }
+
+    /// The same, each agent leaving out what `trimming` says. Whom it has not heard for too long does not count
+    /// among its neighbours; then it may have too few to leave any out.
+    fn diffuse_trimmed<S: Scalar>(
+        &self,
+        trimming: &Trimming,
+        (history, late): (&History, Lateness<S>),
+        (quantity, x, told): (Quantity, &[S], &[S]),
+        flow: &Flow<S>,
+        out: &mut [S],
+    ) {
+        for i in 0..out.len() {
+            let links = trimming.links(i);
+            let hears = |link: &Link| {
+                self.deaf.get(link.edge as usize).is_none_or(|deaf| !deaf[usize::from(link.end)])
+            };
+            let value = |link: &Link| {
+                let e = link.edge as usize;
+                let known = self.known.get(e).map_or(Bracket::NOW, |known| known[usize::from(link.end)]);
+                let late = late.of(self.graph.edges()[e].delay_ns);
+                history.value_late(known, quantity, link.neighbour as usize, told, late)
+            };
+            for link in links.iter().filter(|link| hears(link)) {
+                if trimming.keeps(link, links, hears, |link| value(link).value()) {
+                    let e = link.edge as usize;
+                    out[i] =
+                        out[i] - flow.along(self.graph.edges()[e].weight, x[i] - value(link), self.shares[e]);
+                }
             }
         }
     }
@@ -247,6 +309,17 @@ impl Network {
             Some(&Agreed { at, age_ns }) => (history.transfer(at, e, present), age_ns),
         }
     }
+}
+
+/// How messages reach their receivers.
+#[derive(Clone, Copy)]
+pub struct Hearing<'a> {
+    /// What may happen to them on their way.
+    pub channel: &'a Channel,
+    /// After how long without one a neighbour does not count any more, ns.
+    pub silence_ns: Option<i64>,
+    /// Agents that send none; empty where all do.
+    pub mute: &'a [bool],
 }
 
 /// By how much messages are later than the network knows, s: 0, but in a derivative along a delay or time.

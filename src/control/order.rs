@@ -90,8 +90,9 @@ impl Order {
         {
             *values = self.moved(values);
         }
+        let number = |agent: u32| self.at((agent as usize).wrapping_sub(1)) as u32 + 1;
+        config.message_faults.iter_mut().for_each(|fault| fault.agent = number(fault.agent));
         if let Communication::Explicit(Explicit { topologies }) = &mut config.communication {
-            let number = |agent: u32| self.at((agent as usize).wrapping_sub(1)) as u32 + 1;
             for topology in topologies {
                 for edge in &mut topology.edges {
                     (edge.a, edge.b) = (number(edge.a), number(edge.b));

@@ -15,13 +15,16 @@ pub struct View<'a, S = f64> {
     pub history: &'a History,
     /// Present values.
     pub signals: &'a Signals<S>,
+    /// What agents tell of them: the same, but for faults.
+    pub told: &'a Signals<S>,
     /// 0, but in a derivative.
     pub late: Lateness<S>,
 }
 
 impl<S: Scalar> View<'_, S> {
     fn diffuse(&self, quantity: Quantity, flow: &Flow<S>, out: &mut [S]) {
-        self.network.diffuse((self.history, self.late), (quantity, self.signals.of(quantity)), flow, out);
+        let (own, told) = (self.signals.of(quantity), self.told.of(quantity));
+        self.network.diffuse((self.history, self.late), (quantity, own, told), flow, out);
     }
 }
 

@@ -3,22 +3,33 @@
 
 use super::authority::Authority;
 use super::controller::Controller;
-use super::delay::Quantity;
+use super::delay::{Quantity, Signals};
 use super::lag::Lag;
 use super::limits::{hold_back, recovery, restrict, room};
 use super::relay::{Split, split};
+use super::scalar::Scalar;
 
-/// A power, and the least and largest that it may be.
-type Bounded = (f64, (f64, f64));
+/// A power, and the least and largest that it may be, pu.
+type Bounded<S> = (S, (S, S));
 
 impl Controller {
+    /// What agent `i` tells of a quantity, less what it owes.
+    pub(super) fn own<S: Scalar>(&self, signals: &Signals<S>, quantity: Quantity, i: usize) -> S {
+        let told = signals.of(quantity)[i];
+        let owed = match quantity {
+            Quantity::P => self.state.owed[0].get(i),
+            Quantity::Q => self.state.owed[1].get(i),
+            _ => None,
+        };
+        owed.map_or(told, |&owed| told - S::constant(owed))
+    }
+
     /// P and Q of agent `i`, each with its bounds: the powers that the limits are about.
-    fn powers(&self, i: usize) -> [Bounded; 2] {
-        let (signals, parameters, limits) =
-            (&self.scratch.signals, &self.state.parameters, &self.fixed.limits);
-        let own = |quantity: Quantity, k: usize| signals.of(quantity)[i] - self.state.owed[k][i];
-        let P = own(Quantity::P, 0) / parameters.K_P[i] + self.state.outputs.P_set[i];
-        let Q = own(Quantity::Q, 1) / parameters.K_Q[i] + self.state.outputs.Q_set[i];
+    pub(super) fn powers<S: Scalar>(&self, signals: &Signals<S>, i: usize) -> [Bounded<S>; 2] {
+        let c = S::constant;
+        let (parameters, outputs, limits) = (&self.state.parameters, &self.state.outputs, &self.fixed.limits);
+        let P = self.own(signals, Quantity::P, i) / c(parameters.K_P[i]) + c(outputs.P_set[i]);
+        let Q = self.own(signals, Quantity::Q, i) / c(parameters.K_Q[i]) + c(outputs.Q_set[i]);
         let Q_limit = limits.Q_limit(i, P);
         [(P, limits.P_range(i, signals.of(Quantity::Soc)[i])), (Q, (-Q_limit, Q_limit))]
     }
@@ -29,7 +40,7 @@ impl Controller {
             return;
         }
         for i in 0..self.agents() {
-            let [(P, P_range), (Q, Q_range)] = self.powers(i);
+            let [(P, P_range), (Q, Q_range)] = self.powers(&self.scratch.signals, i);
             let ((up_P, down_P), (up_Q, down_Q)) = (room(P, P_range), room(Q, Q_range));
             for (k, value) in [up_P, down_P, up_Q, down_Q].into_iter().enumerate() {
                 self.scratch.room[k][i] = value;
@@ -51,8 +62,7 @@ impl Controller {
                 let room = (scratch.room[2 * k][i], scratch.room[2 * k + 1][i]);
                 let Split { done, owed } = split(u[i], state.owed[k][i], room, h_s, theta_s);
                 u[i] = done;
-                // Who is not live hears nobody.
-                scratch.owed[k][i] = if self.topology.live[i] { owed } else { 0.0 };
+                scratch.owed[k][i] = owed;
             }
         }
     }
@@ -61,6 +71,7 @@ impl Controller {
     pub(super) fn limit(&mut self, h_s: f64) {
         for i in 0..self.agents() {
             if !self.topology.live[i] {
+                self.rest(i);
                 continue;
             }
             let (mut u_omega, mut u_V) = (self.state.outputs.u_omega[i], self.state.outputs.u_V[i]);
@@ -75,7 +86,7 @@ impl Controller {
             let slowed = restrict(u_V, rate, outputs.V_set[i], range, h_s);
             if let (true, Some(learnt)) = (slowed != u_V, self.scratch.authority.get_mut(i)) {
                 // How fast the power goes then is the ramp's doing.
-                learnt.excess = 0.0;
+                *learnt = learnt.at_rest();
             }
             let outputs = &mut self.state.outputs;
             outputs.saturated[i] = at_limit || u_omega != outputs.u_omega[i] || slowed != outputs.u_V[i];
@@ -83,10 +94,20 @@ impl Controller {
         }
     }
 
+    /// An agent that does not act owes nothing, and learns nothing until it does.
+    pub(super) fn rest(&mut self, i: usize) {
+        for owed in &mut self.scratch.owed {
+            owed.get_mut(i).into_iter().for_each(|owed| *owed = 0.0);
+        }
+        if let (Some(next), Some(known)) = (self.scratch.authority.get_mut(i), self.state.authority.get(i)) {
+            *next = known.at_rest();
+        }
+    }
+
     /// u_omega and u_V of agent `i` that keep its powers within their bounds, and whether one is at its bound.
     fn hold_back(&mut self, i: usize, h_s: f64) -> (f64, f64, bool) {
         let (parameters, outputs, lags) = (&self.state.parameters, &self.state.outputs, &self.state.lags);
-        let [(P, P_range), (Q, Q_range)] = self.powers(i);
+        let [(P, P_range), (Q, Q_range)] = self.powers(&self.scratch.signals, i);
         let per_s = parameters.K_P[i] / time_constant_s(&lags.frequency, h_s);
         let u_omega = hold_back(outputs.u_omega[i], P, P_range, per_s);
         let T_s = time_constant_s(&lags.voltage, h_s);

@@ -112,7 +112,7 @@ impl Dual {
         Self { value, tangent }
     }
 
-    /// The same number with another rate.
+    /// The value and the rate of a function of this number that has this value and slope here.
     fn times(self, value: f64, slope: f64) -> Self {
         Self { value, tangent: weigh(slope, self.tangent) }
     }

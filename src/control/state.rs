@@ -3,7 +3,7 @@
 
 use super::authority::Authority;
 use super::controller::Scratch;
-use super::delay::History;
+use super::delay::{History, QUANTITIES};
 use super::error::{ConfigError, Problems};
 use super::exchange::HeldLink;
 use super::io::{Inputs, Outputs, Parameters};
@@ -39,6 +39,8 @@ pub struct State {
     pub(super) owed: [Vec<f64>; 2],
     /// Of V_set over Q, by agent; empty without limits on power.
     pub(super) authority: Vec<Authority>,
+    /// What was told last, quantity by quantity and agent by agent; empty without faults of messages.
+    pub(super) told: Vec<f64>,
 }
 
 /// How late the measurements are, by droop.
@@ -64,6 +66,13 @@ pub(super) struct Adopted {
     pub topology: usize,
     /// The number asked for when it was last looked at.
     pub asked: i32,
+}
+
+impl Adopted {
+    /// What the graph in force was built for: the topology, from 0, and who is available.
+    pub fn graph(&self) -> (usize, &[bool]) {
+        (self.topology, &self.available)
+    }
 }
 
 /// Where the controller is in time.
@@ -131,6 +140,7 @@ impl State {
         {
             finite(&mut problems, path, owed, working.len());
         }
+        finite(&mut problems, "told", &self.told, QUANTITIES * scratch.mute.len());
         length(&mut problems, "authority", self.authority.len(), scratch.authority.len());
         if let Some(i) = self.authority.iter().position(|a| !a.is_sound()) {
             problems.add(

@@ -21,11 +21,13 @@ impl Controller {
         state.received_ns.copy_from_slice(&scratch.received_ns);
         state.shares.copy_from_slice(&scratch.shares);
         state.followed.copy_from_slice(&scratch.followed);
+        state.authority.copy_from_slice(&scratch.authority);
         for (owed, next) in state.owed.iter_mut().zip(&scratch.owed) {
             owed.copy_from_slice(next);
         }
-        state.history.push(start_ns, &scratch.signals, &state.transfers);
+        state.history.push(start_ns, scratch.told(), &state.transfers);
         state.transfers.copy_from_slice(&scratch.transfers);
+        self.remember_told();
         self.tick(start_ns, duration_ns);
     }
 
@@ -40,7 +42,7 @@ impl Controller {
             now_ns: start_ns.saturating_add(duration_ns),
             sampled_ns: start_ns,
             step_ns: duration_ns,
-            samples: self.state.clock.samples + 1,
+            samples: self.state.clock.samples.saturating_add(1),
         };
     }
 
@@ -67,7 +69,7 @@ impl Controller {
         let (state, scratch, live) = (&mut self.state, &self.scratch, &self.topology.live);
         let outputs = &mut state.outputs;
         for i in 0..live.len() {
-            if live[i] {
+            if live[i] && scratch.frozen.get(i) != Some(&true) {
                 outputs.omega_set[i] += h_s * outputs.u_omega[i];
                 outputs.V_set[i] += h_s * outputs.u_V[i];
             }
@@ -76,7 +78,6 @@ impl Controller {
             outputs.P_set[i] = scratch.P_set[i];
         }
         state.flows.copy_from_slice(&scratch.flows);
-        state.authority.copy_from_slice(&scratch.authority);
         for k in 0..self.state.held.len() {
             self.state.held[k].flow = self.carries(&self.state.held[k], h_ns);
         }
@@ -86,9 +87,10 @@ impl Controller {
             state.held.retain(|link| !link.is_between_live(live));
         }
         if state.parameters.voltage_policy == VoltagePolicy::Average {
-            let (history, signals) = (&state.history, &scratch.signals);
-            let (before, after) = (&state.transfers, &mut scratch.transfers);
-            estimator::advance(&self.network, history, signals, &average, h_ns, before, after);
+            let mut after = std::mem::take(&mut scratch.transfers);
+            let (history, signals, before) = (&state.history, scratch.told(), &state.transfers);
+            estimator::advance(&self.network, history, signals, &average, h_ns, before, &mut after);
+            scratch.transfers = after;
         }
     }
 }

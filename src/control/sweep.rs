@@ -2,21 +2,20 @@
 //! delayed, limited, filtered or averaged, in vector code picked for the processor at run time. Gives the bits
 //! of `evaluate` and `step`, which do everything else; a test compares them.
 
+use super::blocks::{Block, Layout, Shape};
 use super::config::VoltagePolicy;
 use super::controller::Controller;
 use super::diagnosis::{Diagnosis, Seen};
-use super::discretisation::{Flow, SignPower};
+use super::discretisation::Flow;
 use super::exchange::SECONDS_PER_HOUR;
+use super::kernels::{self, Stores};
 use super::lag::{Tally, no_load};
 use super::network::Pin;
-use super::power::power;
 use super::state::State;
 use super::time::seconds;
-use super::wave::{Batch, FLOWS, Line, Link, Stages, Wave};
+use super::wave::{BATCH, Stages, Wave, Window, Work, at};
 use pulp::{Arch, NullaryFnOnce};
-
-/// The laws along an edge: omega, p, V, q.
-const LAWS: usize = 4;
+use std::ops::Range;
 
 /// Everything that the stages read and write.
 struct Sweep<'a> {
@@ -24,14 +23,12 @@ struct Sweep<'a> {
     live: &'a [bool],
     peers: &'a [u32],
     pins: &'a [Pin],
-    next_pin: usize,
+    /// The first pin whose agent is not measured, and not finished.
+    next_pin: [usize; 2],
     /// Of omega, p, V, q.
-    laws: [Flow; LAWS],
-    /// Of the laws and the exchange.
-    gains: Line,
-    inverse_thetas: Line,
-    power: SignPower,
-    theta_E_s: f64,
+    laws: [Flow; at::LAWS],
+    /// With 3600 g_E, and theta_E in place of 1 / theta.
+    exchange: Flow,
     fade: f64,
     h_s: f64,
     /// Whether setpoints move, or only what follows the inputs at once.
@@ -53,8 +50,7 @@ impl Controller {
             && state.held.is_empty()
     }
 
-    /// As `evaluate`; with `moves` also as `advance`, but for what time and exchange leave behind, and without as
-    /// `diagnose`.
+    /// As `evaluate`; with `moves` also as `advance`, but for what time and exchange leave behind.
     pub(super) fn sweep(&mut self, h_ns: i64, moves: bool) {
         let h_s = seconds(h_ns);
         let lags = &self.state.lags;
@@ -69,17 +65,14 @@ impl Controller {
         let inputs = &self.state.inputs;
         let diagnosis =
             Diagnosis::new(inputs.omega_ref, inputs.V_ref, inputs.dispatch.then_some(inputs.P_ref));
-        let (mut gains, mut inverse_thetas) = ([0.0; 8], [0.0; 8]);
-        for (k, law) in laws.iter().enumerate() {
-            (gains[k], inverse_thetas[k]) = (law.gain, law.inverse_theta);
-        }
-        gains[LAWS] = SECONDS_PER_HOUR * parameters.gain_E;
+        let exchange = Flow {
+            power: laws[0].power,
+            gain: SECONDS_PER_HOUR * parameters.gain_E,
+            inverse_theta: self.exchange_layer(h_s).max(0.0),
+        };
         let mut sweep = Sweep {
             laws,
-            gains,
-            inverse_thetas,
-            power: laws[0].power,
-            theta_E_s: self.exchange_layer(h_s).max(0.0),
+            exchange,
             fade: self.fade(h_ns),
             h_s,
             moves,
@@ -92,7 +85,7 @@ impl Controller {
             live: &self.topology.live,
             peers: self.network.graph.all_peers(),
             pins: &self.network.pins,
-            next_pin: 0,
+            next_pin: [0; 2],
             state: &mut self.state,
         };
         let (wave, n) = (&mut self.scratch.wave, self.topology.live.len());
@@ -102,9 +95,8 @@ impl Controller {
             let [frequency, voltage] = tallies;
             self.state.lags.frequency.conclude(frequency);
             self.state.lags.voltage.conclude(voltage);
-        } else {
-            self.tell(&diagnosis);
         }
+        self.tell(&diagnosis);
     }
 }
 
@@ -126,156 +118,75 @@ impl NullaryFnOnce for Run<'_, '_> {
 
 impl Stages for Sweep<'_> {
     #[inline(always)]
-    fn measure(&mut self, from: usize, to: usize, lines: &mut [Line]) {
-        let mask = lines.len() - 1;
-        let State { inputs, parameters, outputs, lags, .. } = &mut *self.state;
+    fn measure(&mut self, from: usize, to: usize, window: &mut Window) {
+        let State { inputs, parameters, outputs, lags, .. } = &*self.state;
         let r = from..to;
-        let (omega, P, V, Q, E) = (
-            &inputs.omega[r.clone()],
-            &inputs.P[r.clone()],
-            &inputs.V[r.clone()],
-            &inputs.Q[r.clone()],
-            &inputs.E[r.clone()],
-        );
-        let (K_P, K_Q, capacity, P_max) = (
-            &parameters.K_P[r.clone()],
-            &parameters.K_Q[r.clone()],
-            &parameters.capacity[r.clone()],
-            &parameters.P_exchange_max[r.clone()],
-        );
-        let (P_set, Q_set, peers) =
-            (&outputs.P_set[r.clone()], &outputs.Q_set[r.clone()], &self.peers[r.clone()]);
-        for k in 0..to - from {
-            let peers = f64::from(peers[k]);
-            lines[(from + k) & mask] = [
-                omega[k],
-                K_P[k] * (P[k] - P_set[k]),
-                V[k],
-                K_Q[k] * (Q[k] - Q_set[k]),
-                E[k] / capacity[k],
-                capacity[k],
-                P_max[k] / peers,
-                1.0 + peers,
-            ];
+        let own = window.of(from, to);
+        let [omega, p, V, q, soc, capacity, limit, share, crowd] =
+            window.signals.each_mut().map(|values| &mut values[own.clone()]);
+        omega.copy_from_slice(&inputs.omega[r.clone()]);
+        V.copy_from_slice(&inputs.V[r.clone()]);
+        capacity.copy_from_slice(&parameters.capacity[r.clone()]);
+        kernels::droop(p, &parameters.K_P[r.clone()], &inputs.P[r.clone()], &outputs.P_set[r.clone()]);
+        kernels::droop(q, &parameters.K_Q[r.clone()], &inputs.Q[r.clone()], &outputs.Q_set[r.clone()]);
+        kernels::quotient(soc, &inputs.E[r.clone()], capacity);
+        kernels::crowd((share, crowd), limit, &self.peers[r.clone()], &parameters.P_exchange_max[r.clone()]);
+        while let Some(pin) = self.pins.get(self.next_pin[0]).filter(|pin| pin.agent < to) {
+            share[pin.agent - from] = pin.share;
+            self.next_pin[0] += 1;
         }
         if self.adds_unseen[0] {
             for i in r.clone() {
                 let sigma = no_load(outputs.omega_set[i], parameters.K_P[i], outputs.P_set[i]);
-                lines[i & mask][0] += lags.frequency.unseen(i, sigma);
+                omega[i - from] += lags.frequency.unseen(i, sigma);
             }
         }
         if self.adds_unseen[1] {
-            for i in r.clone() {
+            for i in r {
                 let sigma = no_load(outputs.V_set[i], parameters.K_Q[i], outputs.Q_set[i]);
-                lines[i & mask][2] += lags.voltage.unseen(i, sigma);
+                V[i - from] += lags.voltage.unseen(i, sigma);
             }
         }
-        outputs.saturated[r].fill(false);
     }
 
     #[inline(always)]
-    fn raise(&self, differences: &[f64], powers: &mut [f64]) {
-        let pairs = powers.iter_mut().zip(differences);
-        match self.power {
-            SignPower::Root => {
-                for (s, d) in pairs {
-                    *s = d.abs().sqrt();
-                }
+    fn flow(&mut self, block: &Block, layout: &Layout, window: &mut Window, work: &mut Work) {
+        match &block.shape {
+            Shape::Diagonals { offsets, places } => {
+                let offsets = &layout.offsets[offsets.clone()];
+                let places = places.map(|from| &layout.places[from..from + block.edges.len()]);
+                self.along_diagonals(block, (offsets, places), &layout.weights, window, work);
             }
-            SignPower::Power(eta) => {
-                for (s, d) in pairs {
-                    *s = power(d.abs(), eta);
-                }
-            }
-            // The fixed-time law is never plain.
-            SignPower::Linear | SignPower::FixedTime { .. } => {
-                for (s, d) in pairs {
-                    *s = d.abs();
+            Shape::Scattered { ends } => {
+                let mut edges = block.edges.clone();
+                let (mut ends, mut weights) = (*ends, block.weights);
+                while !edges.is_empty() {
+                    let count = edges.len().min(BATCH);
+                    let batch = (&layout.ends[ends..ends + count], &layout.weights[weights..weights + count]);
+                    self.one_by_one(edges.start, batch, window, work);
+                    (edges.start, ends, weights) = (edges.start + count, ends + count, weights + count);
                 }
             }
         }
     }
 
     #[inline(always)]
-    fn flow(
-        &mut self,
-        first: usize,
-        batch: &[Link],
-        lines: &[Line],
-        (differences, powers): (&Batch, &Batch),
-        sums: &mut [Line],
-    ) {
-        let mask = lines.len() - 1;
-        let (gains, inverse_thetas, theta_E_s, fade) =
-            (self.gains, self.inverse_thetas, self.theta_E_s, self.fade);
-        let moves = self.moves;
-        let flows = &mut self.state.flows[first..first + batch.len()];
-        let saturated = &mut self.state.outputs.saturated[..];
-        for (k, (link, last)) in batch.iter().zip(flows).enumerate() {
-            let [a, b] = link.ends.map(|end| end as usize & mask);
-            let (at_a, at_b) = (&lines[a], &lines[b]);
-            let (Some(d), Some(s)) =
-                (differences[FLOWS * k..].first_chunk::<8>(), powers[FLOWS * k..].first_chunk::<8>())
-            else {
-                continue;
-            };
-            let (mut law, mut cap) = ([0.0; 8], [0.0; 8]);
-            for k in 0..8 {
-                law[k] = gains[k] * link.weight * s[k];
-                cap[k] = d[k].abs() * link.share * inverse_thetas[k];
-            }
-            let least = if at_b[5] < at_a[5] { at_b[5] } else { at_a[5] };
-            let crowd = if at_b[7] > at_a[7] { at_b[7] } else { at_a[7] };
-            cap[LAWS] = SECONDS_PER_HOUR * least * d[LAWS].abs() / (theta_E_s * crowd);
-            let mut flow = [0.0; 8];
-            for k in 0..8 {
-                // As `min`, in the one comparison that processors have: the law where the cap is not a number.
-                flow[k] = if cap[k] < law[k] { cap[k] } else { law[k] };
-                flow[k] = flow[k].copysign(d[k]);
-            }
-            // P_set of the lower end rises by what flows from it.
-            let mut exchange = -flow[LAWS];
-            let most = if at_b[6] < at_a[6] { at_b[6] } else { at_a[6] };
-            let wanted = exchange.abs();
-            if wanted > most {
-                exchange = most.copysign(exchange);
-                for (end, line) in link.ends.into_iter().zip([at_a, at_b]) {
-                    if let Some(saturated) = saturated.get_mut(end as usize) {
-                        *saturated |= wanted > line[6];
-                    }
-                }
-            }
-            if fade < 1.0 {
-                exchange = -(*last + fade * (-exchange - *last));
-            }
-            if moves {
-                *last = -exchange;
-            }
-            flow[LAWS] = exchange;
-            // The last three are nobody's.
-            for (sum, flow) in sums[a].iter_mut().zip(&flow) {
-                *sum -= flow;
-            }
-            for (sum, flow) in sums[b].iter_mut().zip(&flow) {
-                *sum += flow;
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn finish(&mut self, from: usize, to: usize, lines: &[Line], sums: &mut [Line]) {
-        let mask = lines.len() - 1;
+    fn finish(&mut self, from: usize, to: usize, window: &mut Window) {
         let State { inputs, parameters, outputs, lags, adopted, clock, .. } = &mut *self.state;
-        while let Some(pin) = self.pins.get(self.next_pin).filter(|pin| pin.agent < to) {
-            let (line, sum) = (&lines[pin.agent & mask], &mut sums[pin.agent & mask]);
+        let own = window.of(from, to);
+        let signals = window.signals.each_ref().map(|values| &values[own.clone()]);
+        let sums = window.sums.each_mut().map(|values| &mut values[own.clone()]);
+        while let Some(pin) = self.pins.get(self.next_pin[1]).filter(|pin| pin.agent < to) {
+            let i = pin.agent - from;
             let [omega, P, V, _] = &self.laws;
-            sum[0] -= omega.along(pin.weight, line[0] - inputs.omega_ref, pin.share);
+            sums[0][i] -= omega.along(pin.weight, signals[0][i] - inputs.omega_ref, pin.share);
             if inputs.dispatch {
-                sum[1] -= P.along(pin.weight, line[1] - inputs.P_ref, pin.share);
+                sums[1][i] -= P.along(pin.weight, signals[1][i] - inputs.P_ref, pin.share);
             }
-            sum[2] -= V.along(pin.weight, line[2] - inputs.V_ref, pin.share);
-            self.next_pin += 1;
+            sums[2][i] -= V.along(pin.weight, signals[2][i] - inputs.V_ref, pin.share);
+            self.next_pin[1] += 1;
         }
+        let sums = sums.map(|values| &*values);
         if self.moves {
             let compare = clock.samples > 0;
             let [frequency, voltage] = &mut self.tallies;
@@ -294,35 +205,188 @@ impl Stages for Sweep<'_> {
                 (&parameters.K_Q, &inputs.Q, &outputs.Q_set),
             );
         }
-        let (h_s, live) = (self.h_s, &self.live[from..to]);
-        let of = |i: usize| (from + i) & mask;
-        let (u_omega, u_P) = (&mut outputs.u_omega[from..to], &mut outputs.u_P[from..to]);
-        let (u_V, u_Q) = (&mut outputs.u_V[from..to], &mut outputs.u_Q[from..to]);
-        let u_E = &mut outputs.u_E[from..to];
-        for i in 0..to - from {
-            let (line, sum) = (&lines[of(i)], &sums[of(i)]);
-            u_omega[i] = sum[0] + sum[1];
-            u_P[i] = sum[1];
-            u_V[i] = sum[2] + sum[3];
-            u_Q[i] = sum[3];
-            u_E[i] = if live[i] { -sum[4] / (SECONDS_PER_HOUR * line[5]) } else { 0.0 };
-        }
+        let (h_s, live, r) = (self.h_s, &self.live[from..to], from..to);
+        kernels::sum(&mut outputs.u_omega[r.clone()], sums[0], sums[1]);
+        outputs.u_P[r.clone()].copy_from_slice(sums[1]);
+        kernels::sum(&mut outputs.u_V[r.clone()], sums[2], sums[3]);
+        outputs.u_Q[r.clone()].copy_from_slice(sums[3]);
+        kernels::energy_rate(&mut outputs.u_E[r.clone()], sums[at::SOC], signals[at::CAPACITY], live);
+        kernels::exceeds(&mut outputs.saturated[r.clone()], sums[at::WANTED], signals[at::LIMIT]);
         if self.moves {
-            let (omega_set, V_set) = (&mut outputs.omega_set[from..to], &mut outputs.V_set[from..to]);
-            let P_set = &mut outputs.P_set[from..to];
-            for i in 0..to - from {
-                let moved = (omega_set[i] + h_s * u_omega[i], V_set[i] + h_s * u_V[i], sums[of(i)][4]);
-                if live[i] {
-                    (omega_set[i], V_set[i], P_set[i]) = moved;
+            kernels::advance(&mut outputs.omega_set[r.clone()], h_s, &outputs.u_omega[r.clone()], live);
+            kernels::advance(&mut outputs.V_set[r.clone()], h_s, &outputs.u_V[r.clone()], live);
+            kernels::take(&mut outputs.P_set[r.clone()], sums[at::SOC], live);
+        }
+        let [omega, p, V, q, soc, ..] = signals;
+        self.diagnosis.take(Seen {
+            available: &adopted.available[r],
+            live,
+            told_p: p,
+            own: [omega, p, V, q, soc],
+        });
+    }
+}
+
+impl Sweep<'_> {
+    /// The flows of a block along its diagonals.
+    #[inline(always)]
+    fn along_diagonals(
+        &mut self,
+        block: &Block,
+        (offsets, places): (&[u32], Option<&[u32]>),
+        weights: &[f64],
+        window: &mut Window,
+        work: &mut Work,
+    ) {
+        let rows = block.rows;
+        let own = window.of(block.first, block.first + rows);
+        let weights = &weights[block.weights..block.weights + offsets.len() * rows];
+        let of = |k: usize| k * rows..(k + 1) * rows;
+        let beyond = |offset: u32| own.start + offset as usize..own.end + offset as usize;
+        let Window { signals, sums, .. } = window;
+        let ends = |quantity: usize, offset: u32| {
+            (&signals[quantity][own.clone()], &signals[quantity][beyond(offset)])
+        };
+        for (k, &offset) in offsets.iter().enumerate() {
+            kernels::smaller(&mut work.shares[of(k)], ends(at::SHARE, offset));
+        }
+        for (quantity, law) in self.laws.iter().enumerate() {
+            for (k, &offset) in offsets.iter().enumerate() {
+                let (x, weights, shares) = (ends(quantity, offset), &weights[of(k)], &work.shares[of(k)]);
+                kernels::flows(&mut work.flows[of(k)], x, weights, shares, law);
+            }
+            give(&work.flows, offsets, &own, &mut sums[quantity]);
+        }
+        for (k, &offset) in offsets.iter().enumerate() {
+            let stores = Stores {
+                soc: ends(at::SOC, offset),
+                capacity: ends(at::CAPACITY, offset),
+                crowd: ends(at::CROWD, offset),
+                limit: ends(at::LIMIT, offset),
+            };
+            let (flows, wanted) = (&mut work.flows[of(k)], &mut work.wanted[of(k)]);
+            kernels::exchange(flows, wanted, stores, &weights[of(k)], &self.exchange);
+            kernels::raise(&mut sums[at::WANTED][beyond(offset)], wanted);
+            kernels::raise(&mut sums[at::WANTED][own.clone()], wanted);
+        }
+        let last = &mut self.state.flows[block.edges.clone()];
+        let how = (self.fade, self.moves);
+        match places {
+            Some(places) => {
+                for (last, &place) in last.iter_mut().zip(places) {
+                    settle(&mut work.flows[place as usize], last, how);
                 }
             }
+            None => match offsets.len() {
+                1 => settle_rows::<1>(&mut work.flows, last, how),
+                2 => settle_rows::<2>(&mut work.flows, last, how),
+                3 => settle_rows::<3>(&mut work.flows, last, how),
+                4 => settle_rows::<4>(&mut work.flows, last, how),
+                many => {
+                    for k in 0..many {
+                        let last = last.iter_mut().skip(k).step_by(many);
+                        work.flows[of(k)]
+                            .iter_mut()
+                            .zip(last)
+                            .for_each(|(flow, last)| settle(flow, last, how));
+                    }
+                }
+            },
         }
-        if !self.moves {
-            let (available, live) = (&adopted.available, self.live);
-            self.diagnosis.take(from, to, |i| {
-                let own = lines[i & mask];
-                Seen { available: available[i], live: live[i], told_p: own[1], own }
-            });
+        give(&work.flows, offsets, &own, &mut sums[at::SOC]);
+    }
+
+    /// The flows of edges wherever their ends are; `first` is the first of them.
+    #[inline(always)]
+    fn one_by_one(
+        &mut self,
+        first: usize,
+        (edges, weights): (&[[u32; 2]], &[f64]),
+        window: &mut Window,
+        work: &mut Work,
+    ) {
+        let count = edges.len();
+        let origin = window.origin();
+        let Window { signals, sums, .. } = window;
+        let Work { lower, higher, batch, .. } = work;
+        for (k, edge) in edges.iter().enumerate() {
+            let [a, b] = edge.map(|end| end as usize - origin);
+            for (values, (lower, higher)) in signals.iter().zip(lower.iter_mut().zip(higher.iter_mut())) {
+                (lower[k], higher[k]) = (values[a], values[b]);
+            }
         }
+        let ends = |quantity: usize| (&lower[quantity][..count], &higher[quantity][..count]);
+        let [flows @ .., exchange, wanted, shares] = batch;
+        kernels::smaller(&mut shares[..count], ends(at::SHARE));
+        for (quantity, (law, flows)) in self.laws.iter().zip(flows.iter_mut()).enumerate() {
+            kernels::flows(&mut flows[..count], ends(quantity), weights, &shares[..count], law);
+        }
+        let stores = Stores {
+            soc: ends(at::SOC),
+            capacity: ends(at::CAPACITY),
+            crowd: ends(at::CROWD),
+            limit: ends(at::LIMIT),
+        };
+        kernels::exchange(&mut exchange[..count], &mut wanted[..count], stores, weights, &self.exchange);
+        let last = &mut self.state.flows[first..first + count];
+        for (flow, last) in exchange.iter_mut().zip(last) {
+            settle(flow, last, (self.fade, self.moves));
+        }
+        for (k, edge) in edges.iter().enumerate() {
+            let [a, b] = edge.map(|end| end as usize - origin);
+            for (sums, flows) in sums.iter_mut().zip(batch.iter()).take(at::SOC + 1) {
+                sums[a] -= flows[k];
+                sums[b] += flows[k];
+            }
+            let most = &mut sums[at::WANTED];
+            for end in [a, b] {
+                kernels::raise(&mut most[end..=end], &batch[at::WANTED][k..=k]);
+            }
+        }
+    }
+}
+
+/// Takes the flows along diagonals from agents `own` and adds them to those at the other ends. At each agent this is in
+/// the order of the edges: first what comes from lower agents, the lowest, whose diagonal is the farthest,
+/// first; then what goes to higher ones.
+#[inline(always)]
+fn give(flows: &[f64], offsets: &[u32], own: &Range<usize>, sums: &mut [f64]) {
+    let rows = own.len();
+    for (flows, &offset) in flows.chunks_exact(rows).zip(offsets).rev() {
+        kernels::add(&mut sums[own.start + offset as usize..own.end + offset as usize], flows);
+    }
+    for (flows, _) in flows.chunks_exact(rows).zip(offsets) {
+        kernels::subtract(&mut sums[own.clone()], flows);
+    }
+}
+
+/// The same for `K` diagonals without gaps.
+#[inline(always)]
+fn settle_rows<const K: usize>(flows: &mut [f64], last: &mut [f64], how: (f64, bool)) {
+    let (last, _) = last.as_chunks_mut::<K>();
+    let rows = last.len();
+    if how.0 < 1.0 || !how.1 {
+        for (k, flows) in flows.chunks_exact_mut(rows).take(K).enumerate() {
+            flows.iter_mut().zip(&mut *last).for_each(|(flow, last)| settle(flow, &mut last[k], how));
+        }
+        return;
+    }
+    let mut parts = flows.chunks_exact(rows);
+    let flows: [&[f64]; K] = std::array::from_fn(|_| parts.next().unwrap_or_default());
+    for (r, last) in last.iter_mut().enumerate() {
+        for k in 0..K {
+            last[k] = -flows[k][r];
+        }
+    }
+}
+
+/// Lets the exchange fade in from what it was, and remembers it, positive from the lower end, where it `moves`.
+#[inline(always)]
+fn settle(flow: &mut f64, last: &mut f64, (fade, moves): (f64, bool)) {
+    if fade < 1.0 {
+        *flow = -(*last + fade * (-*flow - *last));
+    }
+    if moves {
+        *last = -*flow;
     }
 }

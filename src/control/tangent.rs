@@ -6,6 +6,7 @@ use super::config::{Discretisation, VoltagePolicy};
 use super::controller::Controller;
 use super::delay::{Quantity, Signals};
 use super::discretisation::{Flow, SignPower, boundary_layer};
+use super::evaluate::filters;
 use super::exchange::{Exchange, HeldLink, setpoints};
 use super::io::{Inputs, Outputs, Parameters};
 use super::lag::Lag;
@@ -34,6 +35,8 @@ pub struct Tangents {
     /// Of the outputs.
     pub outputs: Outputs,
     pub(super) signals: Signals<Dual>,
+    /// Empty without faults of messages.
+    told: Signals<Dual>,
     /// u_omega, u_P, u_E, u_V, u_Q.
     pub(super) u: [Vec<Dual>; 5],
     flows: Vec<Dual>,
@@ -65,6 +68,7 @@ impl Controller {
             parameters: self.state.parameters.clone(),
             outputs: self.state.outputs.clone(),
             signals: Signals::new(n),
+            told: Signals::new(self.scratch.mute.len()),
             u: std::array::from_fn(|_| vec![Dual::default(); n]),
             flows: Vec::new(),
             P_set: vec![Dual::default(); n],
@@ -82,6 +86,8 @@ impl Controller {
         self.evaluate(clock.now_ns, clock.step_ns);
         let h_s = seconds(clock.step_ns);
         self.signal_rates(direction, tangents);
+        let passing = Dual::new(0.0, if direction == Direction::Time { 1.0 } else { 0.0 });
+        self.tell_instead((clock.now_ns, passing), &tangents.signals, &mut tangents.told);
         for u in &mut tangents.u {
             u.fill(Dual::default());
         }
@@ -99,6 +105,9 @@ impl Controller {
             self.law_rates(&tuned, late, h_s, tangents);
             self.limit_rates(direction, h_s, tangents);
             self.exchange_rates(&tuned, late, clock.step_ns, tangents);
+            for (i, _) in self.scratch.frozen.iter().enumerate().filter(|(_, frozen)| **frozen) {
+                tangents.u.iter_mut().for_each(|u| u[i] = Dual::default());
+            }
         }
         let Tangents { outputs, u: [u_omega, u_P, u_E, u_V, u_Q], .. } = tangents;
         for (rates, duals) in [
@@ -169,21 +178,12 @@ impl Controller {
 
     /// What the measurement filters make of the rates; in time the filters themselves go on.
     fn filter_rates(&self, direction: Direction, signals: &mut Signals<Dual>) {
-        let (clock, filter, n) = (self.state.clock, self.fixed.filter, self.agents());
+        let (clock, n) = (self.state.clock, self.agents());
         if self.state.filtered.is_empty() || clock.samples == 0 {
             return;
         }
-        let elapsed_s = seconds((clock.now_ns - clock.sampled_ns).max(0));
-        for (k, (quantity, constant_s)) in [
-            (Quantity::Omega, filter.omega_s),
-            (Quantity::P, filter.P_s),
-            (Quantity::V, filter.V_s),
-            (Quantity::Q, filter.Q_s),
-            (Quantity::Soc, filter.E_s),
-        ]
-        .into_iter()
-        .enumerate()
-        {
+        let elapsed_s = seconds(clock.now_ns.saturating_sub(clock.sampled_ns).max(0));
+        for (k, (quantity, constant_s)) in filters(&self.fixed.filter).into_iter().enumerate() {
             if constant_s <= 0.0 {
                 continue;
             }
@@ -197,7 +197,7 @@ impl Controller {
     /// As `Controller::share`.
     fn share_rates(&self, direction: Direction, tangents: &mut Tangents) {
         let (state, clock) = (&self.state, self.state.clock);
-        let elapsed_s = seconds((clock.now_ns - clock.sampled_ns).max(0));
+        let elapsed_s = seconds(clock.now_ns.saturating_sub(clock.sampled_ns).max(0));
         let follows = |x: Dual, last: f64, T_s: f64| {
             if clock.samples > 0 && T_s > 0.0 { filtered(direction, x, last, elapsed_s, T_s) } else { x }
         };
@@ -212,7 +212,8 @@ impl Controller {
     /// As `Controller::laws`.
     fn law_rates(&self, tuned: &Tuned, late: Lateness<Dual>, h_s: f64, tangents: &mut Tangents) {
         let (inputs, parameters, lags) = (&self.state.inputs, &self.state.parameters, &self.state.lags);
-        let Tangents { inputs: d, parameters: d_gain, signals, u, .. } = tangents;
+        let Tangents { inputs: d, parameters: d_gain, signals, told, u, .. } = tangents;
+        let told = if self.scratch.mute.is_empty() { &*signals } else { &*told };
         let [u_omega, u_P, _, u_V, u_Q] = u;
         let flow = |gain: f64, rate: f64, lag: &Lag| tuned.flow(Dual::new(gain, rate), lag, h_s);
         let flow_omega = flow(parameters.gain_omega, d_gain.gain_omega, &lags.frequency);
@@ -222,7 +223,7 @@ impl Controller {
         let dispatch = inputs.dispatch.then_some(Dual::new(inputs.P_ref, d.P_ref));
         let omega_ref = Dual::new(inputs.omega_ref, d.omega_ref);
         let V_ref = Dual::new(inputs.V_ref, d.V_ref);
-        let view = View { network: &self.network, history: &self.state.history, signals, late };
+        let view = View { network: &self.network, history: &self.state.history, signals, told, late };
         active_power(view, &flow_P, dispatch, u_P);
         reactive_power(view, &flow_Q, u_Q);
         self.relay_rates(signals, [u_P, u_Q], h_s);
@@ -238,16 +239,10 @@ impl Controller {
         let h_s = seconds(h_ns);
         let parameters = &self.state.parameters;
         let theta_E = Dual::new(parameters.theta_E, tangents.parameters.theta_E);
-        let theta_s = match parameters.discretisation {
-            Discretisation::Capped => {
-                Dual::constant(self.state.lags.frequency.loop_steps() * h_s).max(theta_E)
-            }
-            Discretisation::Explicit => theta_E,
-        };
         let exchange = Exchange {
             power: tuned.power,
             gain: Dual::new(parameters.gain_E, tangents.parameters.gain_E),
-            theta_s,
+            theta_s: self.exchange_layer_of(h_s, theta_E),
             h_s,
             capacity: &parameters.capacity,
             P_max: &parameters.P_exchange_max,
@@ -255,8 +250,10 @@ impl Controller {
             limits: &self.fixed.limits,
             no_circulation: self.fixed.no_circulation,
             late,
+            mute: &self.scratch.mute,
         };
-        let Tangents { signals, u: [_, _, u_E, _, _], flows, P_set, limited, .. } = tangents;
+        let Tangents { signals, told, u: [_, _, u_E, _, _], flows, P_set, limited, .. } = tangents;
+        let signals = if self.scratch.mute.is_empty() { &*signals } else { &*told };
         flows.resize(self.network.graph.edges().len(), Dual::default());
         exchange.flows(&self.network, &self.state.history, signals, &self.state.flows, flows, limited);
         let live = &self.topology.live;

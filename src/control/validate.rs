@@ -5,6 +5,7 @@ use super::communication::{Communication, ExplicitTopology, StepByStep};
 use super::config::{Config, Law};
 use super::error::{ConfigError, Problems};
 use super::graph::{Edge, Graph};
+use super::told;
 
 impl Config {
     /// All problems of this configuration, or `Ok`.
@@ -122,6 +123,13 @@ fn scalars(problems: &mut Problems, config: &Config) {
         scalar(problems, "law.fixed_time.alpha", alpha, Positive);
         scalar(problems, "law.fixed_time.beta", beta, Positive);
     }
+    if let Some(silence) = config.silence_s {
+        let late = config.delay_s + config.channel.jitter_s;
+        if !(silence > late && silence.is_finite()) {
+            problems.add("silence_s", silence, "a time longer than delay_s and channel.jitter_s together, s");
+        }
+    }
+    told::check(problems, &config.message_faults, config.agents());
     if let Some(fade) = config.lost_link_fade_s {
         scalar(problems, "lost_link_fade_s", fade, Positive);
     }

@@ -1,6 +1,6 @@
 //! Directional derivatives, input derivatives and output derivatives (FMI 2.0.4, sections 2.1.9 and 4.2.1), all
-//! through the model's tangents. As for values: everything is checked before anything changes, and nothing
-//! allocates unless a call is refused (the first input derivative of an instance makes room for all).
+//! through the model's tangents. As for values: everything is checked before anything changes. In step mode
+//! nothing allocates but refusals and the first of each call, which makes room for all.
 //!
 //! Input derivatives are of order 1. They are set with respect to the beginning of a communication step and
 //! belong to the next step alone, in whatever order value and derivative were set: during it the input is
@@ -21,6 +21,11 @@ use serde::{Deserialize, Serialize};
 pub(super) struct Ramps(Vec<f64>);
 
 impl Ramps {
+    /// Whether none has been set.
+    fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// Whether no input moves.
     pub fn is_flat(&self) -> bool {
         self.0.iter().all(|rate| *rate == 0.0)
@@ -78,12 +83,13 @@ impl<M: Model> Instance<M> {
         let expected = "a continuous Real input or a tunable Real parameter";
         self.check_differentiable(function, knowns, seeds.len(), expected, is_known)?;
         self.check_rates(function, knowns, seeds)?;
-        self.follow(function)?;
-        self.model.look_at(Plane::Tangents);
-        for (reference, seed) in knowns.iter().zip(seeds) {
-            self.add_tangent(*reference, *seed);
-        }
-        self.read_tangents(function, Along::Knowns, unknowns, results)
+        self.in_line(function, |instance| {
+            instance.model.look_at(Plane::Tangents);
+            for (reference, seed) in knowns.iter().zip(seeds) {
+                instance.add_tangent(*reference, *seed);
+            }
+            instance.read_tangents(function, Along::Knowns, unknowns, results)
+        })
     }
 
     /// fmi2SetRealInputDerivatives.
@@ -101,7 +107,7 @@ impl<M: Model> Instance<M> {
         if references.is_empty() {
             return Ok(());
         }
-        if self.ramps.is_flat() {
+        if self.ramps.is_empty() {
             let last = self.registry.groups().filter(|(_, group)| is_input(group));
             let last = last.map(|(first, group)| first + group.len() as u32 - 1).last();
             self.ramps.set(last.unwrap_or_default(), 0.0);
@@ -124,9 +130,10 @@ impl<M: Model> Instance<M> {
         self.has_tangents(function, references.len())?;
         self.check_differentiable(function, references, rates.len(), "a continuous Real output", is_unknown)?;
         self.check_orders(function, references, orders)?;
-        self.follow(function)?;
-        self.look_at_ramps();
-        self.read_tangents(function, Along::Time, references, rates)
+        self.in_line(function, |instance| {
+            instance.look_at_ramps();
+            instance.read_tangents(function, Along::Time, references, rates)
+        })
     }
 
     /// A step with inputs that move; they stand at the ends of their ramps afterwards.
@@ -152,7 +159,6 @@ impl<M: Model> Instance<M> {
                 set(&mut self.model, index, end);
             }
         }
-        self.ramps.end();
         Ok(())
     }
 
@@ -204,8 +210,25 @@ impl<M: Model> Instance<M> {
         if self.life.initialized { Phase::Step } else { Phase::Initialization }
     }
 
-    fn follow(&mut self, function: Function) -> Result<(), Error> {
-        if self.life.stale { self.bring_in_line(function) } else { Ok(()) }
+    /// Differentiates where the outputs follow what has been set. Should that fail, nothing has happened: between
+    /// steps a model's state does not depend on whether its outputs have followed, before that it does.
+    fn in_line(
+        &mut self,
+        function: Function,
+        differentiate: impl FnOnce(&mut Self) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let stale = self.life.stale;
+        let before = (stale && !self.life.initialized).then(|| self.model.state().clone());
+        if stale {
+            self.bring_in_line(function)?;
+        }
+        differentiate(self).inspect_err(|_| {
+            self.life.stale = stale;
+            if let Some(before) = before {
+                // A state that the model has just had fits it.
+                let _ = self.model.set_state(&before);
+            }
+        })
     }
 
     /// A model without tangents has none of these, and its description says so; asking for nothing is fine.
@@ -248,11 +271,11 @@ impl<M: Model> Instance<M> {
     }
 
     fn check_rates(&self, function: Function, references: &[u32], rates: &[f64]) -> Result<(), Error> {
-        match references.iter().zip(rates).find(|(_, rate)| !rate.is_finite()) {
+        match references.iter().zip(rates).find(|(_, rate)| !Range::ANY.contains(**rate)) {
             None => Ok(()),
             Some((reference, found)) => {
                 let name = format!("the derivative of {}", self.name_of(&[*reference]));
-                Err(Error::Value { function, name, found: *found, expected: Range::ANY.to_string() })
+                Err(Error::Value { function, name, found: *found, expected: Range::ANY.instead_of(*found) })
             }
         }
     }

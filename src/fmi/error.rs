@@ -46,7 +46,7 @@ pub enum Error {
     Order { function: Function, name: String, found: i32 },
 
     /// NaN, infinite or out of range.
-    #[error("{function}: {name} = {found} is refused; expected {expected}")]
+    #[error("{function}: {name} = {} is refused; expected {expected}", digits(*found))]
     Value { function: Function, name: String, found: f64, expected: String },
 
     /// Arrays of different lengths.
@@ -87,6 +87,13 @@ pub enum Error {
     /// Something about the FMU's files.
     #[error("{function}: {reason}")]
     Load { function: Function, reason: String },
+}
+
+/// A number for a person: a huge or tiny one has hundreds of digits otherwise.
+fn digits(value: f64) -> String {
+    let size = value.abs();
+    let plain = size == 0.0 || (1e-6..1e16).contains(&size) || !value.is_finite();
+    if plain { value.to_string() } else { format!("{value:e}") }
 }
 
 impl Error {

@@ -197,6 +197,7 @@ impl<M: Model> Instance<M> {
             } else {
                 self.step_ramped(step)?;
             }
+            self.ramps.end();
             self.life.time_ns = step.start_ns.saturating_add(step.duration_ns);
             // What follows inputs and states at once is brought in line when somebody reads it.
             self.life.stale = true;

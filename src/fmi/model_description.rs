@@ -168,7 +168,7 @@ fn write_variable<M: Model>(
     }
     let whole = matches!(value, Value::Integer(_));
     for (name, bound) in [("min", group.range.min), ("max", group.range.max)] {
-        match (bound.is_finite(), whole) {
+        match (bound.is_finite() && !matches!(value, Value::Boolean(_)), whole) {
             (false, _) => {}
             (true, true) => write!(xml, " {name}=\"{}\"", bound as i32)?,
             (true, false) => write!(xml, " {name}=\"{bound:?}\"")?,

@@ -63,7 +63,8 @@ impl<M: Model> Instance<M> {
         let function = Function::SetReal;
         self.check_set_and(function, Type::Real, references, values.len(), |run| {
             let (group, values) = (run.group, run.values(values));
-            if matches!(group.access, Access::Real(..)) && group.range.contains_all(values) {
+            let accepted = |value: &f64| group.range.contains(*value);
+            if matches!(group.access, Access::Real(..)) && values.iter().all(accepted) {
                 return Ok(());
             }
             for (reference, value) in run.references.iter().zip(values) {
@@ -72,7 +73,7 @@ impl<M: Model> Instance<M> {
                     Access::Integer(..) => {
                         group.range.contains(value.round()) && to_integer(*value).is_some()
                     }
-                    Access::Boolean(..) => value.is_finite(),
+                    Access::Boolean(..) => value.is_finite() && group.range.contains(number(*value >= 0.5)),
                 };
                 self.check_value(function, *reference, group, *value, accepted)?;
             }
@@ -133,7 +134,14 @@ impl<M: Model> Instance<M> {
         values: &[B],
         truth: fn(B) -> bool,
     ) -> Result<(), Error> {
-        self.check_set(Function::SetBoolean, Type::Boolean, references, values.len())?;
+        let function = Function::SetBoolean;
+        self.check_set(function, Type::Boolean, references, values.len())?;
+        for (reference, value) in references.iter().zip(values) {
+            if let Some((group, _)) = self.registry.locate(*reference) {
+                let value = number(truth(*value));
+                self.check_value(function, *reference, group, value, group.range.contains(value))?;
+            }
+        }
         for (reference, value) in references.iter().zip(values) {
             if let Some((&Group { access: Access::Boolean(_, Some(set)), .. }, index)) =
                 self.registry.locate(*reference)
@@ -164,7 +172,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Checks everything about a set but the values.
-    pub(super) fn check_set(
+    fn check_set(
         &self,
         function: Function,
         expected: Type,
@@ -245,8 +253,9 @@ impl<M: Model> Instance<M> {
             return Ok(());
         }
         let expected = match group.access {
+            Access::Boolean(..) if found.is_finite() => "false".to_owned(),
             Access::Boolean(..) => "a finite value".to_owned(),
-            _ => group.range.to_string(),
+            _ => group.range.instead_of(found),
         };
         Err(Error::Value { function, name: self.name_of(&[reference]), found, expected })
     }
@@ -255,6 +264,11 @@ impl<M: Model> Instance<M> {
     pub(super) fn name_of(&self, references: &[u32]) -> String {
         references.first().and_then(|reference| self.registry.name(*reference)).unwrap_or_default()
     }
+}
+
+/// 0 or 1.
+fn number(truth: bool) -> f64 {
+    if truth { 1.0 } else { 0.0 }
 }
 
 /// The nearest integer, for the portable interface.

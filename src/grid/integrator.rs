@@ -50,6 +50,9 @@ const MAX_STEP_S: f64 = 1.0;
 const MIN_STEP_S: f64 = 1e-10;
 /// Internal steps may not be shorter than this on average, s; a longer run than that is a hang.
 const MIN_MEAN_STEP_S: f64 = 1e-6;
+/// Internal steps of one communication step, however long that is: two days of a grid at rest, and seconds of
+/// computing. A master that asks for more has lost its clock, and could not end the call.
+const MOST_STEPS: f64 = 2e6;
 /// Rejections in a row before giving up.
 const MAX_REJECTIONS: u32 = 60;
 
@@ -101,14 +104,15 @@ impl Integrator {
         self.y.copy_from_slice(y);
         let (mut t, mut wanted) = (0.0, *step_s);
         let mut error_before = 1e-4;
-        let most_steps = 10_000.0 + duration_s / MIN_MEAN_STEP_S;
+        let most_steps = (10_000.0 + duration_s / MIN_MEAN_STEP_S).min(MOST_STEPS);
         let mut rejections = 0;
         if !dynamics.derivative(&self.y, &mut self.slopes[0]) {
             return Err(Failure { offset_s: t, step_s: wanted, reason: NO_DERIVATIVE });
         }
         loop {
             if f64::from(effort.accepted) + f64::from(effort.rejected) > most_steps {
-                return Err(Failure { offset_s: t, step_s: wanted, reason: TOO_MANY });
+                let reason = if most_steps < MOST_STEPS { TOO_MANY } else { TOO_LONG };
+                return Err(Failure { offset_s: t, step_s: wanted, reason });
             }
             let remaining = duration_s - t;
             let parts = (remaining / wanted).ceil().max(1.0);
@@ -208,6 +212,8 @@ impl Integrator {
 }
 
 const TOO_MANY: &str = "the dynamics need internal steps shorter than a microsecond";
+const TOO_LONG: &str =
+    "more than 2000000 internal steps are needed; expected a shorter communication step, or slower dynamics";
 const NO_DERIVATIVE: &str = "the network equations have no finite solution";
 const NOT_ACCURATE: &str = "the error stays above the tolerance";
 

@@ -8,12 +8,12 @@ use super::integrator::{Effort, Failure, Integrator};
 use super::load::LoadModel;
 use super::network::{Conditions, Network};
 use super::plant::Plant;
-use super::state::{FIRST_STEP_S, Inputs, Parameters, State};
+use super::state::{FIRST_STEP_S, Inputs, Parameters, State, wrap};
 use super::steady_state::{SteadyState, steady_state};
 use super::workspace::Workspace;
 use faer::c64;
 use std::cell::RefCell;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// The grid with its batteries.
@@ -95,6 +95,11 @@ impl GridModel {
         self.plant.n_bus()
     }
 
+    /// Whether there is a tie to the main grid.
+    pub fn has_tie(&self) -> bool {
+        self.plant.tie.is_some()
+    }
+
     /// Positions of the BESS buses, counted from 1.
     pub fn bess_positions(&self) -> impl Iterator<Item = usize> + '_ {
         self.plant.bess_bus.iter().map(|b| b + 1)
@@ -128,6 +133,7 @@ impl GridModel {
     /// With the tie open the angles are counted from that of the first BESS's source.
     pub fn initialise(&mut self) -> Result<(), GridError> {
         let start = self.find_steady_state()?;
+        let before = self.state.clone();
         self.state.delta.copy_from_slice(&start.delta);
         self.state.delta.iter_mut().for_each(|delta| *delta = wrap(*delta));
         self.state.P.copy_from_slice(&start.P);
@@ -135,7 +141,10 @@ impl GridModel {
         self.state.E.copy_from_slice(&self.state.parameters.E_start);
         self.state.internal_step_s = FIRST_STEP_S;
         self.state.initialised = true;
-        self.refresh()
+        self.refresh().inspect_err(|_| {
+            self.state = before;
+            self.in_line = false;
+        })
     }
 
     /// The synchronous steady state of the present inputs; changes nothing that can be read.
@@ -195,11 +204,8 @@ impl GridModel {
             self.readout.get_mut().valid = false;
             return Ok(());
         }
-        let n = self.n();
         let state = &mut self.state;
-        for (part, values) in self.y.chunks_exact_mut(n).zip([&state.delta, &state.P, &state.Q, &state.E]) {
-            part.copy_from_slice(values);
-        }
+        state.write_to(&mut self.y);
         self.workspace.restart();
         let mut grid = Grid {
             network: &self.network,
@@ -212,12 +218,7 @@ impl GridModel {
             .integrator
             .advance(&mut grid, &mut self.y, &mut state.internal_step_s, duration_ns as f64 * 1e-9)
             .map_err(|failure| failure.of_step(start_ns))?;
-        for (part, values) in
-            self.y.chunks_exact(n).zip([&mut state.delta, &mut state.P, &mut state.Q, &mut state.E])
-        {
-            values.copy_from_slice(part);
-        }
-        state.delta.iter_mut().for_each(|delta| *delta = wrap(*delta));
+        state.take_from(&self.y);
         self.readout.get_mut().valid = false;
         Ok(())
     }
@@ -242,7 +243,11 @@ impl GridModel {
     pub fn set_state(&mut self, state: &State) -> Result<(), GridError> {
         state.validate(self.n(), self.n_bus(), self.plant.tie.is_some())?;
         self.in_line = false;
-        self.network.update(&conditions(state))?;
+        if let Err(refused) = self.network.update(&conditions(state)) {
+            // Back to the network of the state that stays, if it had one.
+            let _ = self.bring_in_line();
+            return Err(refused);
+        }
         self.state.clone_from(state);
         self.readout.get_mut().valid = false;
         Ok(())
@@ -367,9 +372,4 @@ impl Failure {
         let start_s = start_ns as f64 * 1e-9;
         GridError::Step { start_s, offset_s: self.offset_s, step_s: self.step_s, reason: self.reason }
     }
-}
-
-/// The same angle in [-pi, pi]: angles turn for hours, and small ones are exact.
-pub(super) fn wrap(angle: f64) -> f64 {
-    if angle.abs() <= PI { angle } else { angle - TAU * (angle / TAU).round() }
 }

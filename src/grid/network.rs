@@ -234,15 +234,14 @@ impl Network {
         &self.matrix
     }
 
-    /// Admittance 1 / (j X_c) of source `i` (from 0), pu.
-    pub(super) fn source_admittance(&self, i: usize) -> c64 {
-        self.source[i]
+    /// Current of source `i` (from 0) at voltage `e` into buses at `v`, pu; linear, and so of tangents too.
+    pub(super) fn source_current(&self, i: usize, e: c64, v: &[c64]) -> c64 {
+        self.source[i] * (e - v[self.plant.bess_bus[i]])
     }
 
     /// Complex powers of the sources at these source and bus voltages, pu.
     pub(super) fn source_powers(&self, E: &[c64], v: &[c64]) -> Vec<c64> {
-        let bus = &self.plant.bess_bus;
-        (0..E.len()).map(|i| E[i] * (self.source[i] * (E[i] - v[bus[i]])).conj()).collect()
+        (0..E.len()).map(|i| E[i] * self.source_current(i, E[i], v).conj()).collect()
     }
 
     /// Power (P, Q) that the main grid sends into the network, measured at the tie's bus, from the bus

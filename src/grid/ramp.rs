@@ -4,7 +4,7 @@
 use super::dynamics::{Grid, RUN_AWAY_PU};
 use super::error::GridError;
 use super::integrator::{Dynamics, Integrator};
-use super::model::{GridModel, conditions, wrap};
+use super::model::{GridModel, conditions};
 use super::network::{Conditions, Network};
 use super::state::{Inputs, Parameters};
 use super::workspace::Workspace;
@@ -104,9 +104,7 @@ impl GridModel {
             })
         });
         let state = &mut self.state;
-        for (part, values) in memory.y.chunks_exact_mut(n).zip([&state.delta, &state.P, &state.Q, &state.E]) {
-            part.copy_from_slice(values);
-        }
+        state.write_to(&mut memory.y);
         memory.y[4 * n] = 0.0;
         memory.now.tie_closed = state.inputs.tie_closed;
         self.workspace.restart();
@@ -129,12 +127,7 @@ impl GridModel {
         self.in_line = back.is_ok();
         self.effort = outcome.map_err(|failure| failure.of_step(start_ns))?;
         back?;
-        for (part, values) in
-            memory.y.chunks_exact(n).zip([&mut state.delta, &mut state.P, &mut state.Q, &mut state.E])
-        {
-            values.copy_from_slice(part);
-        }
-        state.delta.iter_mut().for_each(|delta| *delta = wrap(*delta));
+        state.take_from(&memory.y);
         Ok(())
     }
 }

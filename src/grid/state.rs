@@ -4,6 +4,7 @@
 use super::config::Config;
 use super::error::{GridError, finite, not_negative, positive};
 use serde::{Deserialize, Serialize};
+use std::f64::consts::{PI, TAU};
 
 /// Inputs, held during a step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -94,6 +95,24 @@ impl State {
         }
     }
 
+    /// Writes the differential states as the integrator has them, [delta | P | Q | E], to the front of `y`.
+    pub(super) fn write_to(&self, y: &mut [f64]) {
+        let parts = [&self.delta, &self.P, &self.Q, &self.E];
+        for (part, values) in y.chunks_exact_mut(self.delta.len()).zip(parts) {
+            part.copy_from_slice(values);
+        }
+    }
+
+    /// Takes them over from there, the angles wrapped.
+    pub(super) fn take_from(&mut self, y: &[f64]) {
+        let n = self.delta.len();
+        let parts = [&mut self.delta, &mut self.P, &mut self.Q, &mut self.E];
+        for (part, values) in y.chunks_exact(n).zip(parts) {
+            values.copy_from_slice(part);
+        }
+        self.delta.iter_mut().for_each(|delta| *delta = wrap(*delta));
+    }
+
     /// Checks a state that may come from outside.
     pub fn validate(&self, n: usize, n_bus: usize, has_tie: bool) -> Result<(), GridError> {
         self.inputs.validate(n, n_bus, has_tie)?;
@@ -148,6 +167,11 @@ impl Parameters {
         }
         positive(|| "omega_c".into(), self.omega_c)
     }
+}
+
+/// The same angle in [-pi, pi]: angles turn for hours, and small ones are exact.
+pub(super) fn wrap(angle: f64) -> f64 {
+    if angle.abs() <= PI { angle } else { angle - TAU * (angle / TAU).round() }
 }
 
 fn length(name: &str, values: &[f64], n: usize) -> Result<(), GridError> {

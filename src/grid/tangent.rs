@@ -30,14 +30,8 @@ pub enum Direction {
 pub struct Tangents {
     /// Of the inputs, to be set; the breaker has none.
     pub inputs: Inputs,
-    /// Of the source angles; n.
-    delta: Vec<f64>,
-    /// Of the measured active powers; n.
-    pub P: Vec<f64>,
-    /// Of the measured reactive powers; n.
-    pub Q: Vec<f64>,
-    /// Of the energies; n.
-    pub E: Vec<f64>,
+    /// Of the states, [delta | P | Q | E]; 4 n.
+    states: Vec<f64>,
     /// Of the sources' voltages; n.
     pub V: Vec<f64>,
     /// Of the frequencies; n.
@@ -54,9 +48,8 @@ pub struct Tangents {
     /// Bus voltages and their tangents, pu.
     v: Vec<c64>,
     dv: Vec<c64>,
-    /// [delta | P | Q | E] and its rate.
+    /// The states themselves.
     y: Vec<f64>,
-    dy: Vec<f64>,
     workspace: Workspace,
 }
 
@@ -71,10 +64,19 @@ impl Tangents {
         }
     }
 
-    fn hold_states(&mut self) {
-        for values in [&mut self.delta, &mut self.P, &mut self.Q, &mut self.E] {
-            values.fill(0.0);
-        }
+    /// Of the measured active power of BESS `i` (from 0).
+    pub fn P(&self, i: usize) -> f64 {
+        self.states[self.V.len() + i]
+    }
+
+    /// Of the measured reactive power of BESS `i` (from 0).
+    pub fn Q(&self, i: usize) -> f64 {
+        self.states[2 * self.V.len() + i]
+    }
+
+    /// Of the energy of BESS `i` (from 0).
+    pub fn E(&self, i: usize) -> f64 {
+        self.states[3 * self.V.len() + i]
     }
 }
 
@@ -84,10 +86,7 @@ impl GridModel {
         let (n, n_bus) = (self.n(), self.n_bus());
         let mut tangents = Tangents {
             inputs: self.state.inputs.clone(),
-            delta: vec![0.0; n],
-            P: vec![0.0; n],
-            Q: vec![0.0; n],
-            E: vec![0.0; n],
+            states: vec![0.0; 4 * n],
             V: vec![0.0; n],
             omega: vec![0.0; n],
             bus_V: vec![0.0; n_bus],
@@ -98,7 +97,6 @@ impl GridModel {
             v: vec![c64::ZERO; n_bus],
             dv: vec![c64::ZERO; n_bus],
             y: vec![0.0; 4 * n],
-            dy: vec![0.0; 4 * n],
             workspace: self.network.workspace(),
         };
         tangents.clear();
@@ -116,7 +114,7 @@ impl GridModel {
         }
         self.network.voltages(ws)?;
         d.v.copy_from_slice(&ws.v);
-        d.hold_states();
+        d.states.fill(0.0);
         match direction {
             Direction::Inputs => {}
             Direction::Time => self.state_rates(d)?,
@@ -125,9 +123,9 @@ impl GridModel {
         let (du, k) = (&d.inputs, &self.state.parameters);
         for i in 0..self.n() {
             // (3) is linear: its tangent is itself in tangents.
-            d.omega[i] = omega(du.omega_set[i], k.K_P[i], d.P[i], du.P_set[i]);
-            d.V[i] = voltage(du.V_set[i], k.K_Q[i], d.Q[i], du.Q_set[i]);
-            d.de[i] = self.source_rate(d.e[i], i, d.V[i], d.delta[i]);
+            d.omega[i] = omega(du.omega_set[i], k.K_P[i], d.P(i), du.P_set[i]);
+            d.V[i] = voltage(du.V_set[i], k.K_Q[i], d.Q(i), du.Q_set[i]);
+            d.de[i] = self.source_rate(d.e[i], i, d.V[i], d.states[i]);
         }
         self.network.voltage_rates(&mut d.workspace, &d.v, &d.de, &d.inputs, &mut d.dv)?;
         for (b, (v, dv)) in d.v.iter().zip(&d.dv).enumerate() {
@@ -146,11 +144,9 @@ impl GridModel {
     }
 
     /// The right-hand side of the model at its present state.
-    fn state_rates(&mut self, d: &mut Tangents) -> Result<(), GridError> {
-        let (n, state) = (self.n(), &self.state);
-        for (part, values) in d.y.chunks_exact_mut(n).zip([&state.delta, &state.P, &state.Q, &state.E]) {
-            part.copy_from_slice(values);
-        }
+    fn state_rates(&self, d: &mut Tangents) -> Result<(), GridError> {
+        let state = &self.state;
+        state.write_to(&mut d.y);
         d.workspace.restart();
         let mut grid = Grid {
             network: &self.network,
@@ -159,18 +155,16 @@ impl GridModel {
             parameters: &state.parameters,
             omega_b: self.omega_b,
         };
-        if !grid.derivative(&d.y, &mut d.dy) {
-            return Err(GridError::Singular { what: "the network with its present loads" });
+        if grid.derivative(&d.y, &mut d.states) {
+            Ok(())
+        } else {
+            Err(GridError::Singular { what: "the network with its present loads" })
         }
-        for (part, rates) in d.dy.chunks_exact(n).zip([&mut d.delta, &mut d.P, &mut d.Q, &mut d.E]) {
-            rates.copy_from_slice(part);
-        }
-        Ok(())
     }
 
     /// The steady state's tangent by the implicit function theorem, from the equations of `steady_state`: a
     /// column for every angle (islanded, the first is that of the common frequency) and every voltage.
-    fn steady_state_rates(&mut self, d: &mut Tangents) -> Result<(), GridError> {
+    fn steady_state_rates(&self, d: &mut Tangents) -> Result<(), GridError> {
         let (n, islanded) = (self.n(), !self.state.inputs.tie_closed);
         let k = &self.state.parameters;
         let loads = d.inputs.clone();
@@ -189,8 +183,8 @@ impl GridModel {
                 self.source_rate(d.e[j], j, f64::from(u8::from(!by_angle)), f64::from(u8::from(by_angle)));
             self.power_rates(d, &none)?;
             for i in 0..n {
-                jacobian[(i, column)] = k.K_P[i] * d.P[i];
-                jacobian[(n + i, column)] = k.K_Q[i] * d.Q[i] + f64::from(u8::from(column == n + i));
+                jacobian[(i, column)] = k.K_P[i] * d.P(i);
+                jacobian[(n + i, column)] = k.K_Q[i] * d.Q(i) + f64::from(u8::from(column == n + i));
             }
         }
         d.de.fill(c64::ZERO);
@@ -198,9 +192,9 @@ impl GridModel {
         let residual = Col::<f64>::from_fn(2 * n, |row| {
             let i = row % n;
             if row < n {
-                -omega(loads.omega_set[i], k.K_P[i], d.P[i], loads.P_set[i])
+                -omega(loads.omega_set[i], k.K_P[i], d.P(i), loads.P_set[i])
             } else {
-                -voltage(loads.V_set[i], k.K_Q[i], d.Q[i], loads.Q_set[i])
+                -voltage(loads.V_set[i], k.K_Q[i], d.Q(i), loads.Q_set[i])
             }
         });
         let solution = jacobian.partial_piv_lu().solve(&residual);
@@ -208,8 +202,8 @@ impl GridModel {
             return Err(GridError::Singular { what: "the steady state" });
         }
         for i in 0..n {
-            d.delta[i] = if islanded && i == 0 { 0.0 } else { -solution[i] };
-            d.de[i] = self.source_rate(d.e[i], i, -solution[n + i], d.delta[i]);
+            d.states[i] = if islanded && i == 0 { 0.0 } else { -solution[i] };
+            d.de[i] = self.source_rate(d.e[i], i, -solution[n + i], d.states[i]);
         }
         self.power_rates(d, &loads)
     }
@@ -217,22 +211,18 @@ impl GridModel {
     /// d P and d Q of the sources, instantaneous, from `d.de` and the loads' tangents.
     fn power_rates(&self, d: &mut Tangents, loads: &Inputs) -> Result<(), GridError> {
         self.network.voltage_rates(&mut d.workspace, &d.v, &d.de, loads, &mut d.dv)?;
-        for i in 0..self.n() {
+        let n = self.n();
+        for i in 0..n {
             let current = self.network.source_current(i, d.e[i], &d.v);
             let rate = self.network.source_current(i, d.de[i], &d.dv);
             let dS = d.de[i] * current.conj() + d.e[i] * rate.conj();
-            (d.P[i], d.Q[i]) = (dS.re, dS.im);
+            (d.states[n + i], d.states[2 * n + i]) = (dS.re, dS.im);
         }
         Ok(())
     }
 }
 
 impl Network {
-    /// Current of source `i` at voltage `e` into buses at `v`, pu; linear, and so of tangents too.
-    fn source_current(&self, i: usize, e: c64, v: &[c64]) -> c64 {
-        self.source[i] * (e - v[self.plant.bess_bus[i]])
-    }
-
     /// The tangents `dv` of the bus voltages `v` from those of the sources and of the load changes:
     /// Y dv = y_c de - dY v + dj(dv), dj that of the loads that are not impedances.
     fn voltage_rates(
@@ -269,7 +259,8 @@ impl Network {
                 size = worse(size, next.norm());
                 *dj = next;
             }
-            if change <= LOAD_TOLERANCE_PU * size {
+            // Both are infinite when anything is not a number.
+            if change.is_finite() && change <= LOAD_TOLERANCE_PU * size {
                 return Ok(());
             }
         }

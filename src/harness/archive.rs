@@ -8,6 +8,8 @@ use std::io::{self, Read, Write};
 use std::path::{Component, Path, PathBuf};
 use tempfile::TempDir;
 use zip::ZipArchive;
+use zip::read::Config;
+use zip::unstable::read::ZipIterable;
 
 /// What an archive may hold at most.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,16 +27,25 @@ impl Default for Limits {
     }
 }
 
+/// Bytes of an entry's name at most: what comes out must still have a path that every system takes.
+const LONGEST_NAME: usize = 1024;
+
 /// An unpacked archive; its folder is deleted on drop.
 #[derive(Debug)]
 pub struct Unpacked {
-    folder: TempDir,
+    folder: PathBuf,
+    _owned: Option<TempDir>,
 }
 
 impl Unpacked {
     /// The folder.
     pub fn path(&self) -> &Path {
-        self.folder.path()
+        &self.folder
+    }
+
+    /// A folder that somebody else has unpacked and will delete.
+    pub(super) fn borrowed(folder: &Path) -> Self {
+        Self { folder: folder.to_path_buf(), _owned: None }
     }
 }
 
@@ -60,7 +71,7 @@ pub enum ArchiveError {
     },
 
     /// An entry that no FMU needs and an attack would have.
-    #[error("{}: entry \"{entry}\" is {found}; expected {expected}", path.display())]
+    #[error("{}: entry {entry:?} is {found}; expected {expected}", path.display())]
     Entry {
         /// The archive.
         path: PathBuf,
@@ -88,24 +99,33 @@ pub enum ArchiveError {
 
 /// Unpacks `archive` into a new temporary folder.
 pub fn unpack(archive: &Path, limits: Limits) -> Result<Unpacked, ArchiveError> {
-    let file = File::open(archive).map_err(io_error(archive))?;
+    let open = || File::open(archive).map(io::BufReader::new).map_err(io_error(archive));
     let damaged = |error: zip::result::ZipError| ArchiveError::Zip {
         path: archive.to_path_buf(),
         reason: error.to_string(),
     };
-    let mut zip = ZipArchive::new(io::BufReader::new(file)).map_err(damaged)?;
+    let too_much = |what, limit| ArchiveError::TooMuch { path: archive.to_path_buf(), what, limit };
+    // Counted before the names are read into memory: a million of them would fill it.
+    if ZipIterable::try_new(open()?, Config::default()).map_err(damaged)?.len() > limits.entries {
+        return Err(too_much("entries", limits.entries as u64));
+    }
+    let mut zip = ZipArchive::new(open()?).map_err(damaged)?;
     let refused = |entry: &str, found, expected| ArchiveError::Entry {
         path: archive.to_path_buf(),
         entry: entry.to_owned(),
         found,
         expected,
     };
-    if zip.len() > limits.entries {
-        let limit = limits.entries as u64;
-        return Err(ArchiveError::TooMuch { path: archive.to_path_buf(), what: "entries", limit });
-    }
     if zip.has_duplicate_names() {
         return Err(refused("(several)", "there twice", "unique names"));
+    }
+    // Many entries over the same few bytes: the one bomb that needs no nesting.
+    if zip.has_overlapping_entries().map_err(damaged)? {
+        return Err(refused("(several)", "laid over another one", "entries one after the other"));
+    }
+    // An honest bomb says how large it is: refused before the disk is touched.
+    if zip.decompressed_size().is_some_and(|bytes| bytes > u128::from(limits.bytes)) {
+        return Err(too_much("bytes", limits.bytes));
     }
     let folder = tempfile::Builder::new().prefix("fmu-").tempdir().map_err(io_error(archive))?;
     let mut seen = BTreeSet::new();
@@ -113,6 +133,9 @@ pub fn unpack(archive: &Path, limits: Limits) -> Result<Unpacked, ArchiveError> 
     for index in 0..zip.len() {
         let entry = zip.by_index(index).map_err(damaged)?;
         let name = entry.name().map_err(damaged)?.into_owned();
+        if name.len() > LONGEST_NAME {
+            return Err(refused("(a very long name)", "named by more than 1024 bytes", "a shorter name"));
+        }
         let relative =
             safe_path(&name).map_err(|found| refused(&name, found, "a relative path without .."))?;
         if entry.is_symlink() {
@@ -133,18 +156,17 @@ pub fn unpack(archive: &Path, limits: Limits) -> Result<Unpacked, ArchiveError> 
         // The size that an entry claims is no promise, so what comes out is counted.
         let mut source = entry.take(left.saturating_add(1));
         let written = write_new(&target, &mut source).map_err(|error| match error.kind() {
-            io::ErrorKind::InvalidData | io::ErrorKind::InvalidInput | io::ErrorKind::UnexpectedEof => {
+            io::ErrorKind::InvalidData
+            | io::ErrorKind::InvalidInput
+            | io::ErrorKind::UnexpectedEof
+            | io::ErrorKind::Unsupported => {
                 ArchiveError::Zip { path: archive.to_path_buf(), reason: format!("{name}: {error}") }
             }
             _ => ArchiveError::Io { path: target.clone(), source: error },
         })?;
-        left = left.checked_sub(written).ok_or_else(|| ArchiveError::TooMuch {
-            path: archive.to_path_buf(),
-            what: "bytes",
-            limit: limits.bytes,
-        })?;
+        left = left.checked_sub(written).ok_or_else(|| too_much("bytes", limits.bytes))?;
     }
-    Ok(Unpacked { folder })
+    Ok(Unpacked { folder: folder.path().to_path_buf(), _owned: Some(folder) })
 }
 
 /// The path that a name stands for, or what is wrong with it. Backslashes count as separators: some

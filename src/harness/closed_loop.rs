@@ -9,6 +9,7 @@ use super::near;
 use super::participant::Participant;
 use super::plan::Plan;
 use super::scenario::{CONTROLLER, GRID};
+use super::value::Value;
 use crate::scenario::Resolved;
 use crate::scenario::connection::Wire;
 use crate::scenario::units::Unit;
@@ -43,9 +44,11 @@ pub(super) fn check_units(
     wires: &[Wire],
     connections: &[Connection],
 ) -> Result<(), CouplingError> {
+    let lookup = Lookup::new(participants);
+    let declared = |end: &Endpoint| lookup.get(end)?.unit.as_deref().and_then(Unit::parse);
     for (k, connection) in connections.iter().enumerate() {
         let (from, to) = (&connection.from, &connection.to);
-        let (from_declared, to_declared) = (declared(participants, from), declared(participants, to));
+        let (from_declared, to_declared) = (declared(from), declared(to));
         // The table comes first in the list of connections, in its order.
         let named = wires.get(k).filter(|wire| wire.from_unit.is_some() || wire.to_unit.is_some());
         if let Some(wire) = named {
@@ -84,15 +87,6 @@ pub(super) fn check_units(
     Ok(())
 }
 
-fn variable<'a>(participants: Participants<'a>, endpoint: &Endpoint) -> Option<&'a Variable> {
-    let participant = participants.iter().find(|p| p.name() == endpoint.participant)?;
-    participant.variables().iter().find(|variable| variable.name == endpoint.variable)
-}
-
-fn declared(participants: Participants<'_>, endpoint: &Endpoint) -> Option<Unit> {
-    variable(participants, endpoint)?.unit.as_deref().and_then(Unit::parse)
-}
-
 /// Names the first measurement without a source and the first setpoint that reaches nobody. A value set at the
 /// start or by an event is a source; an agent that is not available at the start needs none.
 pub(super) fn check_sources(
@@ -105,15 +99,15 @@ pub(super) fn check_sources(
     let exchange = gains.E != 0.0;
     let settings = || plan.initial.iter().chain(plan.events.iter().flat_map(|event| &event.sets));
     let set: BTreeSet<(&str, &str)> = settings().map(|s| (&*s.participant, &*s.variable)).collect();
-    let absent = |i: usize| {
-        let name = format!("available[{i}]");
-        let is_it = |s: &&super::Setting| s.participant == CONTROLLER && s.variable == name;
-        plan.initial.iter().rev().find(is_it).is_some_and(|s| s.value.as_f64() < 0.5)
-    };
+    // The last of several values counts.
+    let of_controller = plan.initial.iter().filter(|s| s.participant == CONTROLLER);
+    let start: BTreeMap<&str, Value> = of_controller.map(|s| (&*s.variable, s.value)).collect();
+    let absent = |i: usize| start.get(&*format!("available[{i}]")).is_some_and(|value| value.as_f64() < 0.5);
     let targets: BTreeSet<&Endpoint> = plan.connections.iter().map(|c| &c.to).collect();
     let sources: BTreeSet<&Endpoint> = plan.connections.iter().map(|c| &c.from).collect();
+    let lookup = Lookup::new(participants);
     let has = |endpoint: &Endpoint, causality| {
-        variable(participants, endpoint).is_some_and(|variable| variable.causality == causality)
+        lookup.get(endpoint).is_some_and(|variable| variable.causality == causality)
     };
     let agents = (1..=resolved.control.agents()).filter(|i| !absent(*i));
     for i in agents {

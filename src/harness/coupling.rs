@@ -4,7 +4,8 @@ use super::description::Causality;
 use super::near;
 use super::participant::Participant;
 use super::value::{Kind, Value};
-use std::collections::{BTreeMap, BTreeSet};
+use crate::scenario::equal_names::EqualNames;
+use std::collections::BTreeSet;
 use std::fmt;
 
 /// A variable of a participant.
@@ -62,34 +63,26 @@ pub fn connect(
     table: &[Connection],
 ) -> Result<Vec<Connection>, CouplingError> {
     let taken: BTreeSet<&Endpoint> = table.iter().map(|connection| &connection.to).collect();
-    let mut sources: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    for participant in participants {
-        for variable in participant.variables() {
-            if variable.causality == Causality::Output && variable.kind != Kind::String {
-                sources.entry(&variable.name).or_default().push(participant.name());
-            }
-        }
-    }
+    let of = |causality: Causality| {
+        participants.iter().flat_map(move |participant| {
+            let all = participant.variables().iter().filter(move |variable| variable.causality == causality);
+            all.map(move |variable| (participant.name(), variable))
+        })
+    };
+    let outputs = of(Causality::Output).filter(|(_, variable)| variable.kind != Kind::String);
+    let names = EqualNames::of(outputs.map(|(participant, variable)| (participant, &*variable.name, ())));
     let mut connections = table.to_vec();
-    for participant in participants {
-        for variable in
-            participant.variables().iter().filter(|variable| variable.causality == Causality::Input)
-        {
-            let to = Endpoint::new(participant.name(), variable.name.as_str());
-            if taken.contains(&to) {
-                continue;
+    for (participant, variable) in of(Causality::Input) {
+        let to = Endpoint::new(participant, &*variable.name);
+        if taken.contains(&to) {
+            continue;
+        }
+        match names.source(participant, &variable.name) {
+            Ok(None) => {}
+            Ok(Some((source, ()))) => {
+                connections.push(Connection::new(Endpoint::new(source, &*variable.name), to));
             }
-            let found = sources.get(variable.name.as_str()).map_or(&[][..], Vec::as_slice);
-            let others: Vec<&str> =
-                found.iter().copied().filter(|name| *name != participant.name()).collect();
-            match others.as_slice() {
-                [] => {}
-                [one] => connections.push(Connection::new(Endpoint::new(*one, variable.name.as_str()), to)),
-                several => {
-                    let sources = several.join(", ");
-                    return Err(CouplingError::Ambiguous { to, sources });
-                }
-            }
+            Err(sources) => return Err(CouplingError::Ambiguous { to, sources }),
         }
     }
     Ok(connections)

@@ -1,39 +1,81 @@
 //! Numbers as CSV text: shortest form that reads back as the same f64, names quoted where they hold a
 //! comma. Runs on the recorder's thread.
 
+use super::hash::Fnv64;
 use super::observer::Column;
 use super::value::Kind;
+use serde::{Deserialize, Serialize};
+use std::fs::File;
 use std::io::{self, Write};
 use std::sync::mpsc::{Receiver, SyncSender};
-use tempfile::NamedTempFile;
 
 /// Text is handed to the file in portions of about this many bytes.
 const PORTION: usize = 256 * 1024;
 
-/// Writes the header, then rows (time and one value for each column) as they come, until the sender is
-/// gone; gives the buffers back.
+/// What the writing thread is asked for.
+pub(super) enum Job {
+    /// Rows: time and one value for each column, one row after the other.
+    Rows(Vec<f64>),
+    /// To bring everything so far to the disk and say where the file ends.
+    Mark(SyncSender<Mark>),
+}
+
+/// The end of a file, by length and contents.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Mark {
+    /// Bytes.
+    pub bytes: u64,
+    /// FNV-1a of all of them; of none where nobody asks for marks.
+    pub hash: u64,
+}
+
+/// Writes the header, unless `from` says what the file holds already, then does the jobs as they come, until the sender
+/// is gone; gives the buffers back. After each job its rows are with the system, in whole lines.
 pub(super) fn write(
-    mut file: NamedTempFile,
+    mut file: File,
     columns: &[Column],
-    filled: &Receiver<Vec<f64>>,
+    (from, is_marked): (Option<Mark>, bool),
+    jobs: &Receiver<Job>,
     recycle: &SyncSender<Vec<f64>>,
-) -> io::Result<NamedTempFile> {
+) -> io::Result<File> {
     let mut text = Vec::with_capacity(PORTION + 64 * columns.len());
     let mut cells = vec![Cell::default(); columns.len()];
-    header(&mut text, columns);
-    while let Ok(mut block) = filled.recv() {
+    let mut end = from.unwrap_or(Mark { bytes: 0, hash: Fnv64::default().value() });
+    let mut put = |file: &mut File, text: &mut Vec<u8>| {
+        let mut hash = Fnv64::from_value(end.hash);
+        if is_marked {
+            hash.add(text);
+        }
+        end = Mark { bytes: end.bytes + text.len() as u64, hash: hash.value() };
+        let written = file.write_all(text);
+        text.clear();
+        written.map(|()| end)
+    };
+    if from.is_none() {
+        header(&mut text, columns);
+    }
+    put(&mut file, &mut text)?;
+    while let Ok(job) = jobs.recv() {
+        let mut block = match job {
+            Job::Rows(block) => block,
+            Job::Mark(answer) => {
+                let end = put(&mut file, &mut text)?;
+                file.sync_data()?;
+                // The other side may be gone already: then nobody needs the answer.
+                let _ = answer.try_send(end);
+                continue;
+            }
+        };
         for row in block.chunks_exact(1 + columns.len()) {
             push_row(&mut text, columns, &mut cells, row)?;
             if text.len() >= PORTION {
-                file.write_all(&text)?;
-                text.clear();
+                put(&mut file, &mut text)?;
             }
         }
+        put(&mut file, &mut text)?;
         block.clear();
-        // The other side may be gone already: then nobody needs the buffer.
         let _ = recycle.try_send(block);
     }
-    file.write_all(&text)?;
     Ok(file)
 }
 

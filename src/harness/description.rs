@@ -5,6 +5,9 @@ use super::value::{Kind, Value};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+/// Bytes of a `modelDescription.xml` at most: two million variables fit.
+const LARGEST: u64 = 512 << 20;
+
 /// What an FMI 2.0 co-simulation FMU says of itself.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModelDescription {
@@ -33,12 +36,18 @@ pub struct ModelDescription {
 impl ModelDescription {
     /// Reads `modelDescription.xml` of an unpacked FMU.
     pub fn read(path: &Path) -> Result<Self, DescriptionError> {
-        let bytes = std::fs::read(path).map_err(|source| DescriptionError {
+        let refused = |found: String, expected: &str| DescriptionError {
             path: path.to_path_buf(),
             line: 0,
-            found: source.to_string(),
-            expected: "a readable file".into(),
-        })?;
+            found,
+            expected: expected.into(),
+        };
+        let unreadable = |source: std::io::Error| refused(source.to_string(), "a readable file");
+        let length = std::fs::metadata(path).map_err(unreadable)?.len();
+        if length > LARGEST {
+            return Err(refused(format!("{length} bytes"), "at most 536870912 bytes"));
+        }
+        let bytes = std::fs::read(path).map_err(unreadable)?;
         super::description_xml::parse(&bytes, path)
     }
 

@@ -15,6 +15,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::str::FromStr;
 
+/// Bytes of one tag at most, attributes included. The longest seen in the field are descriptions of a page.
+const LARGEST_TAG: usize = 1 << 20;
+/// Elements inside each other at most; FMI itself needs six.
+const DEEPEST: usize = 64;
+
 /// The description in these bytes; `path` is for messages.
 pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<ModelDescription, DescriptionError> {
     let text = decode(bytes).map_err(|found| DescriptionError {
@@ -39,6 +44,14 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<ModelDescription, Descr
                 if !matches!(entity.borrow().into_inner().as_ref(), "lt" | "gt" | "amp" | "apos" | "quot") {
                     return Err(walk.error("an entity of the file's own", "only the five that XML defines"));
                 }
+            }
+            Ok(Event::Start(element) | Event::Empty(element)) if element.len() > LARGEST_TAG => {
+                let found = format!("a tag of {} bytes", element.len());
+                return Err(walk.error(found, "at most 1048576 bytes"));
+            }
+            Ok(Event::Start(_)) if walk.elements.len() >= DEEPEST => {
+                let found = format!("an element inside {DEEPEST} others");
+                return Err(walk.error(found, "fewer levels"));
             }
             Ok(Event::Start(element)) => {
                 walk.open(&element)?;

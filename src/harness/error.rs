@@ -1,6 +1,7 @@
 //! Why a coupled run could not start or did not reach its end.
 
 use super::archive::ArchiveError;
+use super::checkpoint::CheckpointError;
 use super::coupling::CouplingError;
 use super::description::DescriptionError;
 use super::library::LibraryError;
@@ -64,6 +65,21 @@ pub enum HarnessError {
         expected: super::value::Kind,
         /// Communication point, s.
         time_s: f64,
+    },
+
+    /// A checkpoint cannot be used, or not by this run.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+
+    /// A position of another run.
+    #[error("the position to go on from has {found} {what}; expected {expected}: it is another run's")]
+    Position {
+        /// What there is another number of.
+        what: &'static str,
+        /// In the position.
+        found: usize,
+        /// In the run.
+        expected: usize,
     },
 
     /// The results could not be kept.

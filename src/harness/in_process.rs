@@ -78,6 +78,10 @@ impl<M: Model> Participant for InProcess<M> {
         &self.variables
     }
 
+    fn identity(&self) -> String {
+        self.instance.guid().to_string()
+    }
+
     fn setup(&mut self, start_ns: i64, stop_ns: Option<i64>) -> Result<(), CallError> {
         let setup = self.instance.setup_experiment(seconds(start_ns), stop_ns.map(seconds));
         setup.map_err(refused("fmi2SetupExperiment"))

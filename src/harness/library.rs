@@ -1,6 +1,7 @@
 //! The shared library of an FMU: found, loaded, all functions resolved at once, so that nothing is
 //! missing in the middle of a run. Never calls one of them but the two that name the version.
 
+use super::binary;
 use super::description::ModelDescription;
 use crate::fmi::bindings::*;
 use libloading::Library;
@@ -118,6 +119,17 @@ pub enum LibraryError {
         held: String,
     },
 
+    /// A file under the right name that this machine cannot load.
+    #[error("{}: is {found}; expected {expected}", path.display())]
+    Foreign {
+        /// The library.
+        path: PathBuf,
+        /// What it is.
+        found: String,
+        /// What it should be.
+        expected: &'static str,
+    },
+
     /// The system's loader refused.
     #[error("{}: cannot be loaded ({reason})", path.display())]
     Load {
@@ -154,6 +166,7 @@ impl LoadedLibrary {
     /// Loads the library of an FMU unpacked at `folder`. Loading runs code of the FMU.
     pub fn load(folder: &Path, description: &ModelDescription) -> Result<Self, LibraryError> {
         let path = find(folder, &description.model_identifier)?;
+        check(&path)?;
         let library =
             open(&path).map_err(|error| LibraryError::Load { path: path.clone(), reason: reason(&error) })?;
         let functions = Functions::resolve(&library)
@@ -197,6 +210,21 @@ fn reason(error: &libloading::Error) -> String {
         );
     }
     text
+}
+
+/// Finds the library and looks at it without running any of its code.
+pub(super) fn look(folder: &Path, description: &ModelDescription) -> Result<(), LibraryError> {
+    check(&find(folder, &description.model_identifier)?)
+}
+
+fn check(path: &Path) -> Result<(), LibraryError> {
+    match binary::unfit(path) {
+        Ok(None) => Ok(()),
+        Ok(Some((found, expected))) => {
+            Err(LibraryError::Foreign { path: path.to_path_buf(), found, expected })
+        }
+        Err(error) => Err(LibraryError::Load { path: path.to_path_buf(), reason: error.to_string() }),
+    }
 }
 
 /// The library's absolute path.

@@ -23,6 +23,13 @@ impl<'a> Lookup<'a> {
         Self { participants, variables }
     }
 
+    /// The variable, if it is there.
+    pub fn get(&self, endpoint: &Endpoint) -> Option<&'a Variable> {
+        let mut all = self.participants.iter().zip(&self.variables);
+        let (_, variables) = all.find(|(participant, _)| participant.name() == endpoint.participant)?;
+        variables.get(endpoint.variable.as_str()).copied()
+    }
+
     /// Index of the participant, and the variable.
     pub fn find(&self, place: &str, endpoint: &Endpoint) -> Result<(usize, &'a Variable), CouplingError> {
         let mut all = self.participants.iter().zip(&self.variables).enumerate();

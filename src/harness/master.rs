@@ -5,6 +5,13 @@
 //! the sample to the observer, step all. With Gauss-Seidel each participant, in the order given, gets
 //! its inputs right before its own step, so that it sees what those before it have just computed.
 
+mod due;
+mod position;
+
+pub use position::Position;
+
+use due::{Due, record, resolve};
+
 use super::coupling::{CouplingError, Endpoint};
 use super::error::HarnessError;
 use super::lookup::Lookup;
@@ -33,6 +40,8 @@ pub struct Outcome {
     pub total: Duration,
     /// What went wrong without spoiling the results.
     pub warnings: Vec<String>,
+    /// From where this run began, or went on, to where it came, ns.
+    pub span_ns: (i64, i64),
 }
 
 /// Exchanges of values in initialisation mode, at most.
@@ -44,7 +53,22 @@ pub fn run(
     plan: &Plan,
     observer: &mut dyn Observer,
 ) -> Result<Outcome, HarnessError> {
-    let mut run = Run::prepare(participants, plan)?;
+    let (outcome, result) = run_from(participants, plan, observer, None);
+    result.map(|()| outcome)
+}
+
+/// The same, with what happened also where an error ended it; from a position that an earlier run of the same
+/// participants and plan has handed to its observer, it goes on as if it had never been interrupted.
+pub fn run_from(
+    participants: &mut [Box<dyn Participant>],
+    plan: &Plan,
+    observer: &mut dyn Observer,
+    from: Option<&Position>,
+) -> (Outcome, Result<(), HarnessError>) {
+    let mut run = match Run::prepare(participants, plan) {
+        Ok(run) => run,
+        Err(error) => return (Outcome::default(), Err(error.into())),
+    };
     let experiment = Experiment {
         start_ns: plan.start_ns,
         stop_ns: plan.stop_ns,
@@ -52,28 +76,27 @@ pub fn run(
         columns: run.wiring.columns.clone(),
     };
     let begun = Instant::now();
-    let result = observer
+    let mut result = observer
         .begin(&experiment)
         .map_err(HarnessError::from)
         .and_then(|()| run.initialise(participants))
-        .and_then(|()| run.simulate(participants, observer));
+        .and_then(|()| from.map_or(Ok(()), |position| run.go_to(participants, position)))
+        .and_then(|()| run.simulate(participants, observer, from.is_some()));
+    run.outcome.span_ns.1 = run.schedule.now_ns();
     for participant in participants.iter_mut() {
         if let Err(error) = participant.terminate() {
             run.outcome.warnings.push(format!("{}: {error}", participant.name()));
         }
     }
+    for participant in participants.iter_mut() {
+        run.outcome.warnings.extend(participant.take_warnings());
+    }
     let finished = observer.finish(result.as_ref().err());
-    result?;
-    finished?;
+    if let (Ok(()), Err(error)) = (&result, finished) {
+        result = Err(error.into());
+    }
     run.outcome.total = begun.elapsed();
-    Ok(run.outcome)
-}
-
-/// An event with its names resolved.
-struct Due {
-    at_ns: i64,
-    sets: Vec<(usize, Values)>,
-    records: Vec<(usize, f64)>,
+    (run.outcome, result)
 }
 
 struct Run {
@@ -87,6 +110,7 @@ struct Run {
     /// Whose outputs in `values` are older than its last step or event.
     is_stale: Vec<bool>,
     plan_stop_ns: i64,
+    next_event: usize,
     outcome: Outcome,
 }
 
@@ -117,10 +141,26 @@ impl Run {
         let (initial, records) = resolve(&lookup, &wiring, "initial value", &plan.initial, false)?;
         record(&mut values, &records);
         events.sort_by_key(|event| event.at_ns);
-        let outcome = Outcome { stepping: vec![Duration::ZERO; participants.len()], ..Outcome::default() };
+        let outcome = Outcome {
+            stepping: vec![Duration::ZERO; participants.len()],
+            span_ns: (plan.start_ns, plan.start_ns),
+            ..Outcome::default()
+        };
         let is_stale = vec![true; participants.len()];
         let (algorithm, plan_stop_ns) = (plan.algorithm, plan.stop_ns);
-        Ok(Self { wiring, schedule, algorithm, initial, events, values, is_stale, plan_stop_ns, outcome })
+        let next_event = 0;
+        Ok(Self {
+            wiring,
+            schedule,
+            algorithm,
+            initial,
+            events,
+            values,
+            is_stale,
+            plan_stop_ns,
+            next_event,
+            outcome,
+        })
     }
 
     /// Values, setup, and initialisation mode with outputs passed on to inputs until nothing changes, so
@@ -156,38 +196,50 @@ impl Run {
         Ok(())
     }
 
+    /// `is_sampled` where this communication point was told before.
     fn simulate(
         &mut self,
         participants: &mut [Box<dyn Participant>],
         observer: &mut dyn Observer,
+        mut is_sampled: bool,
     ) -> Result<(), HarnessError> {
-        let mut next_event = 0;
         loop {
             let t_ns = self.schedule.now_ns();
-            while let Some(event) = self.events.get(next_event).filter(|event| event.at_ns <= t_ns) {
-                for (index, values) in &event.sets {
-                    let Some(participant) = participants.get_mut(*index) else { continue };
-                    let applied = values.apply(participant.as_mut());
-                    applied.map_err(|source| failed(participant.as_ref(), t_ns, source))?;
-                    mark(&mut self.is_stale, *index, true);
-                }
-                record(&mut self.values, &event.records);
-                next_event += 1;
-            }
-            self.outcome.events = next_event;
-            match self.algorithm {
-                Algorithm::Jacobi => self.exchange(participants)?,
-                Algorithm::GaussSeidel => self.read(participants)?,
-            }
             let last = self.schedule.is_last();
-            observer.sample(Sample { t_ns, regular: self.schedule.regular(), last, values: &self.values })?;
+            if !std::mem::take(&mut is_sampled) {
+                self.settle(participants, t_ns)?;
+                let regular = self.schedule.regular();
+                observer.sample(Sample { t_ns, regular, last, values: &self.values })?;
+                if observer.is_due(t_ns, last) {
+                    observer.keep(self.position(participants)?)?;
+                }
+            }
             if last {
                 return Ok(());
             }
-            let to_ns = self.schedule.next_ns(self.events.get(next_event).map(|event| event.at_ns));
+            let to_ns = self.schedule.next_ns(self.events.get(self.next_event).map(|event| event.at_ns));
             self.step(participants, t_ns, to_ns)?;
             self.schedule.advance(to_ns);
             self.outcome.steps += 1;
+        }
+    }
+
+    /// Applies the events due and passes outputs on.
+    fn settle(&mut self, participants: &mut [Box<dyn Participant>], t_ns: i64) -> Result<(), HarnessError> {
+        while let Some(event) = self.events.get(self.next_event).filter(|event| event.at_ns <= t_ns) {
+            for (index, values) in &event.sets {
+                let Some(participant) = participants.get_mut(*index) else { continue };
+                let applied = values.apply(participant.as_mut());
+                applied.map_err(|source| failed(participant.as_ref(), t_ns, source))?;
+                mark(&mut self.is_stale, *index, true);
+            }
+            record(&mut self.values, &event.records);
+            self.next_event += 1;
+        }
+        self.outcome.events = self.next_event;
+        match self.algorithm {
+            Algorithm::Jacobi => self.exchange(participants),
+            Algorithm::GaussSeidel => self.read(participants),
         }
     }
 
@@ -284,42 +336,6 @@ impl Run {
             mark(&mut self.is_stale, index, true);
         }
         Ok(is_new)
-    }
-}
-
-type Resolved = (Vec<(usize, Values)>, Vec<(usize, f64)>);
-
-/// Settings as values by participant, and what they put into the recorded columns.
-fn resolve(
-    lookup: &Lookup<'_>,
-    wiring: &Wiring,
-    place: &str,
-    settings: &[Setting],
-    is_running: bool,
-) -> Result<Resolved, CouplingError> {
-    let mut sets: Vec<(usize, Values)> = Vec::new();
-    let mut records = Vec::new();
-    for setting in settings {
-        let endpoint = Endpoint::new(&*setting.participant, &*setting.variable);
-        let (index, reference, value) = lookup.settable(place, &endpoint, setting.value, is_running)?;
-        match sets.iter_mut().find(|(participant, _)| *participant == index) {
-            Some((_, values)) => values.push(reference, value),
-            None => {
-                let mut values = Values::default();
-                values.push(reference, value);
-                sets.push((index, values));
-            }
-        }
-        records.extend(wiring.set_column(&endpoint).map(|column| (column, value.as_f64())));
-    }
-    Ok((sets, records))
-}
-
-fn record(values: &mut [f64], records: &[(usize, f64)]) {
-    for (column, found) in records {
-        if let Some(value) = values.get_mut(*column) {
-            *value = *found;
-        }
     }
 }
 

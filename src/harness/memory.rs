@@ -38,6 +38,20 @@ impl Memory {
         &self.times_ns
     }
 
+    /// Adds a sample that an earlier run has taken; one value for each column kept.
+    pub(super) fn push(&mut self, t_ns: i64, row: &[f64]) {
+        self.times_ns.push(t_ns);
+        for (values, value) in self.values.iter_mut().zip(row) {
+            values.push(*value);
+        }
+    }
+
+    /// The samples from number `from` on: times and values.
+    pub(super) fn rows(&self, from: usize) -> impl Iterator<Item = (i64, impl Iterator<Item = f64>)> {
+        let row = move |k: usize| self.values.iter().filter_map(move |values| values.get(k).copied());
+        self.times_ns.iter().enumerate().skip(from).map(move |(k, t_ns)| (*t_ns, row(k)))
+    }
+
     /// Values of the column `participant.variable`, one for each time.
     pub fn values(&self, participant: &str, variable: &str) -> Option<&[f64]> {
         let is_it = |column: &Column| column.participant == participant && column.variable == variable;

@@ -2,6 +2,7 @@
 //! change anything but end the run by an error.
 
 use super::error::HarnessError;
+use super::master::Position;
 use super::value::Kind;
 use std::time::{Duration, Instant};
 
@@ -66,6 +67,14 @@ pub trait Observer {
     fn begin(&mut self, experiment: &Experiment) -> Result<(), ObserverError>;
     /// At a communication point; should allocate nothing.
     fn sample(&mut self, sample: Sample<'_>) -> Result<(), ObserverError>;
+    /// Whether it wants to keep the position of the run at this communication point, which was just sampled.
+    fn is_due(&mut self, _t_ns: i64, _last: bool) -> bool {
+        false
+    }
+    /// The position that was due.
+    fn keep(&mut self, _position: Position) -> Result<(), ObserverError> {
+        Ok(())
+    }
     /// After the last sample; `error` is what ended the run too early.
     fn finish(&mut self, error: Option<&HarnessError>) -> Result<(), ObserverError>;
 }
@@ -106,6 +115,14 @@ impl Observer for FanOut<'_> {
 
     fn sample(&mut self, sample: Sample<'_>) -> Result<(), ObserverError> {
         self.0.iter_mut().try_for_each(|observer| observer.sample(sample))
+    }
+
+    fn is_due(&mut self, t_ns: i64, last: bool) -> bool {
+        self.0.iter_mut().any(|observer| observer.is_due(t_ns, last))
+    }
+
+    fn keep(&mut self, position: Position) -> Result<(), ObserverError> {
+        self.0.iter_mut().try_for_each(|observer| observer.keep(position.clone()))
     }
 
     fn finish(&mut self, error: Option<&HarnessError>) -> Result<(), ObserverError> {

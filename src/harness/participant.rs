@@ -18,6 +18,11 @@ pub trait Participant {
         true
     }
 
+    /// What a state of this participant belongs to: equal for two whose states mean the same.
+    fn identity(&self) -> String {
+        String::new()
+    }
+
     /// fmi2SetupExperiment.
     fn setup(&mut self, start_ns: i64, stop_ns: Option<i64>) -> Result<(), CallError>;
     /// fmi2EnterInitializationMode.
@@ -55,11 +60,28 @@ pub trait Participant {
     fn serialise_state(&mut self, state: StateHandle) -> Result<Vec<u8>, CallError>;
     /// Takes in bytes of [`Participant::serialise_state`] as a kept state.
     fn deserialise_state(&mut self, bytes: &[u8]) -> Result<StateHandle, CallError>;
+
+    /// What went wrong without ending the run, since this was asked last.
+    fn take_warnings(&mut self) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 /// Names a state kept by one participant; means nothing to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct StateHandle(pub(super) u64);
+
+/// How a call went wrong.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Trouble {
+    /// It was refused, by the participant or by this side.
+    #[default]
+    Refused,
+    /// The participant's process died of it.
+    Died,
+    /// There was no answer within the time limit, and the process was ended.
+    Hung,
+}
 
 /// A refused call: which function, what it returned, and what the FMU had to say.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -70,12 +92,19 @@ pub struct CallError {
     pub reason: String,
     /// The last lines of the participant's log, oldest first.
     pub log: Vec<String>,
+    /// Whether the participant still lives.
+    pub trouble: Trouble,
 }
 
 impl CallError {
     /// An error without log lines.
     pub fn new(function: &'static str, reason: impl Into<String>) -> Self {
-        Self { function, reason: reason.into(), log: Vec::new() }
+        Self { function, reason: reason.into(), log: Vec::new(), trouble: Trouble::Refused }
+    }
+
+    /// The same with these log lines.
+    pub(super) fn with_log(self, log: Vec<String>) -> Self {
+        Self { log, ..self }
     }
 }
 

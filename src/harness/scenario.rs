@@ -7,8 +7,10 @@ use super::description::Causality;
 use super::error::HarnessError;
 use super::fmu::Fmu;
 use super::in_process::InProcess;
+use super::isolation::{self, Isolation};
 use super::participant::{CallError, Participant};
 use super::plan::{Algorithm, Event, Plan, Setting};
+use super::screened::Screened;
 use super::value::Value;
 use crate::fmi::{Instance, Interface, Logger, Model, ModelError};
 use crate::models::{Controller, Grid};
@@ -41,11 +43,23 @@ pub struct Cast {
     pub grid: Origin,
 }
 
+/// Participants, and the plan that couples them.
+pub type Staged = (Vec<Box<dyn Participant>>, Plan);
+
 /// The participants of a scenario, the controller first, and the plan that couples them.
 ///
 /// An FMU gets the scenario's parameters where it has parameters of those names, so that a changed
 /// scenario also changes what an FMU exported earlier does.
-pub fn stage(resolved: &Resolved, cast: &Cast) -> Result<(Vec<Box<dyn Participant>>, Plan), HarnessError> {
+pub fn stage(resolved: &Resolved, cast: &Cast) -> Result<Staged, HarnessError> {
+    stage_isolated(resolved, cast, None)
+}
+
+/// The same, with each FMU in a process of its own if that is wished.
+pub fn stage_isolated(
+    resolved: &Resolved,
+    cast: &Cast,
+    isolation: Option<&Isolation>,
+) -> Result<Staged, HarnessError> {
     let own = [
         in_process(CONTROLLER, Controller::new(Controller::resource(resolved))),
         in_process(GRID, Grid::resource(resolved).and_then(Grid::new)),
@@ -57,17 +71,25 @@ pub fn stage(resolved: &Resolved, cast: &Cast) -> Result<(Vec<Box<dyn Participan
         match origin {
             Origin::InProcess => participants.push(own?),
             Origin::Fmu(path) => {
-                let slave = Fmu::open(path)?.instantiate(name)?;
+                let fmu: Box<dyn Participant> = match isolation {
+                    Some(isolation) => isolation::start(path, name, isolation)?,
+                    None => Box::new(Fmu::open(path)?.instantiate(name)?),
+                };
                 // Without a network there is no grid of our own whose parameters could be passed on.
                 if name == CONTROLLER || resolved.grid.is_some() {
-                    initial.extend(parameters(own?.as_ref(), &slave));
+                    initial.extend(parameters(own?.as_ref(), fmu.as_ref()));
                 }
-                participants.push(Box::new(slave));
+                participants.push(fmu);
             }
         }
     }
     let plan = plan(resolved, &participants, initial)?;
-    Ok((participants, plan))
+    let mut screened: Vec<Box<dyn Participant>> = Vec::with_capacity(2);
+    for participant in participants {
+        let is_controller = participant.name() == CONTROLLER;
+        screened.push(Box::new(Screened::new(participant, &resolved.faults, is_controller)?));
+    }
+    Ok((screened, plan))
 }
 
 impl Cast {

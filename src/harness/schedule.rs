@@ -1,6 +1,8 @@
 //! The communication points: start + k * step, the times of events, the end. Counted in ns, so that
 //! no point is missed or doubled, however many there are.
 
+use serde::{Deserialize, Serialize};
+
 /// Where the master stands.
 #[derive(Clone, Debug)]
 pub(super) struct Schedule {
@@ -12,7 +14,23 @@ pub(super) struct Schedule {
     now_ns: i64,
 }
 
+/// The part of a [`Schedule`] that moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Standing {
+    pub now_ns: i64,
+    k: i64,
+}
+
 impl Schedule {
+    pub fn standing(&self) -> Standing {
+        Standing { now_ns: self.now_ns, k: self.k }
+    }
+
+    /// Moves to where the schedule of an equal run stood.
+    pub fn stand_at(&mut self, standing: Standing) {
+        Standing { now_ns: self.now_ns, k: self.k } = standing;
+    }
+
     /// Stands at `start_ns`; `step_ns` > 0 and `stop_ns` >= `start_ns` are the caller's business.
     pub fn new(start_ns: i64, stop_ns: i64, step_ns: i64) -> Self {
         Self { start_ns, stop_ns, step_ns, k: 0, now_ns: start_ns }

@@ -2,7 +2,8 @@
 //! after fmi2Fatal but silence: the standard forbids even to free.
 
 use super::description::Variable;
-use super::fmu::Parts;
+use super::fmu::{self, Parts};
+use super::guarded::{Guarded, Trespass};
 use super::library::Functions;
 use super::logger::{self, LogStore, LogTarget};
 use super::participant::{CallError, Participant, StateHandle};
@@ -32,6 +33,8 @@ pub struct Slave {
     life: Life,
     pub(super) states: BTreeMap<u64, fmi2FMUstate>,
     pub(super) next_state: u64,
+    reals: Guarded<f64>,
+    integers: Guarded<i32>,
     // The FMU holds pointers at these two until it is freed.
     _callbacks: Box<fmi2CallbackFunctions>,
     log: Box<LogStore>,
@@ -81,7 +84,7 @@ impl Slave {
         };
         if component.is_null() {
             let reason = format!("returned NULL; {} could not make an instance", parts.path.display());
-            return Err(CallError { function, reason, log: log.take() });
+            return Err(CallError::new(function, reason).with_log(log.take()));
         }
         Ok(Self {
             name: name.to_owned(),
@@ -89,6 +92,8 @@ impl Slave {
             life: Life::Instantiated,
             states: BTreeMap::new(),
             next_state: 0,
+            reals: Guarded::default(),
+            integers: Guarded::default(),
             _callbacks: callbacks,
             log,
             parts,
@@ -115,7 +120,18 @@ impl Slave {
             }
             other => format!("returned {other}, which is no fmi2Status"),
         };
-        Err(CallError { function, reason, log: self.log.take() })
+        Err(CallError::new(function, reason).with_log(self.log.take()))
+    }
+
+    /// A library that wrote outside its room has damaged memory, so nothing of it is called any more.
+    pub(super) fn trespassed(&mut self, function: &'static str, room: usize, found: Trespass) -> CallError {
+        self.life = Life::Fatal;
+        let Trespass { before, after } = found;
+        let reason = format!(
+            "wrote outside the room for {room} values: {before} before it and {after} after it are damaged; the \
+             instance is lost. In a process of its own (--isolate) it can damage only itself"
+        );
+        CallError::new(function, reason).with_log(self.log.take())
     }
 
     pub(super) fn alive(&self, function: &'static str) -> Result<(), CallError> {
@@ -145,19 +161,24 @@ impl Slave {
 }
 
 macro_rules! access {
-    ($(get $get:ident, set $set:ident: $type:ty, $get_name:literal, $set_name:literal;)*) => {$(
+    ($(get $get:ident, set $set:ident: $type:ty, $room:ident, $get_name:literal, $set_name:literal;)*) => {$(
         fn $get(&mut self, references: &[u32], values: &mut [$type]) -> Result<(), CallError> {
             self.values($get_name, references.len(), values.len())?;
+            let room = self.$room.lay_out(values);
             // SAFETY: a living instance; both arrays have the length given and live through the call.
             let status = unsafe {
-                (self.functions().$get)(self.component, references.as_ptr(), references.len(), values.as_mut_ptr())
+                (self.functions().$get)(self.component, references.as_ptr(), references.len(), room)
             };
+            match self.$room.written() {
+                Ok(written) => values.copy_from_slice(written),
+                Err(found) => return Err(self.trespassed($get_name, references.len(), found)),
+            }
             self.check($get_name, status)
         }
 
         fn $set(&mut self, references: &[u32], values: &[$type]) -> Result<(), CallError> {
             self.values($set_name, references.len(), values.len())?;
-            // SAFETY: as for the get.
+            // SAFETY: a living instance; both arrays have the length given and live through the call.
             let status = unsafe {
                 (self.functions().$set)(self.component, references.as_ptr(), references.len(), values.as_ptr())
             };
@@ -177,6 +198,10 @@ impl Participant for Slave {
 
     fn can_vary_step(&self) -> bool {
         self.parts.description.capabilities.can_handle_variable_step
+    }
+
+    fn identity(&self) -> String {
+        fmu::identity(&self.parts.description.guid, &self.parts.path)
     }
 
     fn setup(&mut self, start_ns: i64, stop_ns: Option<i64>) -> Result<(), CallError> {
@@ -211,9 +236,9 @@ impl Participant for Slave {
     }
 
     access! {
-        get get_real, set set_real: f64, "fmi2GetReal", "fmi2SetReal";
-        get get_integer, set set_integer: i32, "fmi2GetInteger", "fmi2SetInteger";
-        get get_boolean, set set_boolean: i32, "fmi2GetBoolean", "fmi2SetBoolean";
+        get get_real, set set_real: f64, reals, "fmi2GetReal", "fmi2SetReal";
+        get get_integer, set set_integer: i32, integers, "fmi2GetInteger", "fmi2SetInteger";
+        get get_boolean, set set_boolean: i32, integers, "fmi2GetBoolean", "fmi2SetBoolean";
     }
 
     fn do_step(&mut self, t_ns: i64, h_ns: i64) -> Result<(), CallError> {

@@ -1,10 +1,14 @@
 //! FMU states of a [`Slave`]: kept inside it under handles, so that no pointer can outlive or leave
 //! its instance.
 
+use super::guarded::Guarded;
 use super::participant::{CallError, StateHandle};
 use super::slave::Slave;
 use crate::fmi::bindings::{fmi2Byte, fmi2FMUstate};
 use std::ptr;
+
+/// Bytes of a serialised state at most; a library that asks for more has lost count.
+const LARGEST_STATE: usize = 1 << 30;
 
 impl Slave {
     fn keep(&mut self, state: fmi2FMUstate) -> StateHandle {
@@ -42,6 +46,14 @@ impl Slave {
         // SAFETY: a living instance, and NULL asks it to allocate.
         let status = unsafe { (self.functions().get_fmu_state)(self.component, &mut state) };
         self.check(function, status)?;
+        self.made(function, state)
+    }
+
+    /// Keeps a state that the library has made, if it has made one.
+    fn made(&mut self, function: &'static str, state: fmi2FMUstate) -> Result<StateHandle, CallError> {
+        if state.is_null() {
+            return Err(CallError::new(function, "returned fmi2OK, but no state (NULL)"));
+        }
         Ok(self.keep(state))
     }
 
@@ -77,12 +89,19 @@ impl Slave {
         let status =
             unsafe { (self.functions().serialized_fmu_state_size)(self.component, pointer, &mut size) };
         self.check("fmi2SerializedFMUstateSize", status)?;
+        if size > LARGEST_STATE {
+            let reason = format!("asked for {size} bytes; expected at most {LARGEST_STATE}");
+            return Err(CallError::new("fmi2SerializedFMUstateSize", reason));
+        }
         let mut bytes = vec![0_u8; size];
+        let mut room = Guarded::default();
+        let buffer = room.lay_out(&bytes).cast::<fmi2Byte>();
         // SAFETY: as above; the buffer has the size that the FMU asked for.
-        let status = unsafe {
-            let buffer = bytes.as_mut_ptr().cast::<fmi2Byte>();
-            (self.functions().serialize_fmu_state)(self.component, pointer, buffer, size)
-        };
+        let status = unsafe { (self.functions().serialize_fmu_state)(self.component, pointer, buffer, size) };
+        match room.written() {
+            Ok(written) => bytes.copy_from_slice(written),
+            Err(found) => return Err(self.trespassed(function, size, found)),
+        }
         self.check(function, status)?;
         Ok(bytes)
     }
@@ -97,6 +116,6 @@ impl Slave {
             (self.functions().deserialize_fmu_state)(self.component, buffer, bytes.len(), &mut state)
         };
         self.check(function, status)?;
-        Ok(self.keep(state))
+        self.made(function, state)
     }
 }

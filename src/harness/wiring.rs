@@ -7,6 +7,7 @@ use super::lookup::Lookup;
 use super::observer::Column;
 use super::participant::{CallError, Participant};
 use super::value::{Kind, Value, to_boolean, to_integer};
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// All index arrays of a run.
@@ -59,6 +60,14 @@ struct Link {
     factor: f64,
     offset: f64,
     to: String,
+}
+
+/// What was last set in one participant: its connected inputs of each type.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Written {
+    real: Vec<f64>,
+    integer: Vec<i32>,
+    boolean: Vec<i32>,
 }
 
 /// Why inputs could not be set.
@@ -177,6 +186,29 @@ impl Port {
 }
 
 impl Port {
+    /// What the inputs were last set to.
+    pub fn written(&self) -> Written {
+        Written {
+            real: self.real_in.values.clone(),
+            integer: self.integer_in.values.clone(),
+            boolean: self.boolean_in.values.clone(),
+        }
+    }
+
+    /// Takes the inputs for set to these; the number found and the number expected.
+    pub fn restore(&mut self, written: &Written) -> (usize, usize) {
+        let Written { real, integer, boolean } = written;
+        let counts = [
+            (real.len(), self.real_in.values.len()),
+            (integer.len(), self.integer_in.values.len()),
+            (boolean.len(), self.boolean_in.values.len()),
+        ];
+        self.real_in.values.clone_from(real);
+        self.integer_in.values.clone_from(integer);
+        self.boolean_in.values.clone_from(boolean);
+        counts.into_iter().find(|(found, expected)| found != expected).unwrap_or((0, 0))
+    }
+
     fn add_source(&mut self, from: &Variable, column: usize) {
         let sources = &mut self.sources;
         if from.kind != Kind::Real {

@@ -16,6 +16,8 @@ pub struct Papers {
     drawing: &'static str,
     icon: &'static [u8],
     third_party: &'static str,
+    /// What is linked into the shared libraries, in CycloneDX.
+    materials: &'static str,
 }
 
 /// Of `BessConsensus.fmu`.
@@ -25,6 +27,7 @@ pub const CONTROLLER: Papers = Papers {
     drawing: include_str!("icons/BessConsensus.svg"),
     icon: include_bytes!("icons/BessConsensus.png"),
     third_party: include_str!("licenses/BessConsensus.txt"),
+    materials: include_str!("sbom/BessConsensus.cdx.json"),
 };
 
 /// Of `BessGrid.fmu`.
@@ -34,6 +37,7 @@ pub const GRID: Papers = Papers {
     drawing: include_str!("icons/BessGrid.svg"),
     icon: include_bytes!("icons/BessGrid.png"),
     third_party: include_str!("licenses/BessGrid.txt"),
+    materials: include_str!("sbom/BessGrid.cdx.json"),
 };
 
 const STYLE: &str = include_str!("documentation/page.css");
@@ -52,6 +56,8 @@ pub fn entries<M: Model>(model: &M, interface: Interface, papers: &Papers) -> Re
         text("licenses/LICENSE-APACHE", include_str!("../../LICENSE-APACHE")),
         text("licenses/FMI-headers-BSD-2-Clause.txt", include_str!("../fmi/headers/LICENSE")),
         text("licenses/third-party.txt", papers.third_party),
+        // FMI 2.0 knows no folder `extra/`, and `resources/` is what the library reads.
+        text("sbom.cdx.json", papers.materials),
         ("model.png".to_owned(), papers.icon.to_vec()),
     ]
     .into())
@@ -90,15 +96,14 @@ fn page<M: Model>(model: &M, interface: Interface, papers: &Papers) -> Result<St
 /// The prose with the names as this interface spells them.
 fn filled<M: Model>(prose: &str, identifier: &str, registry: &Registry<M>, interface: Interface) -> String {
     let batteries = registry.group("omega_set").map_or(0, |(_, group)| group.len());
-    let (truth, switch) = match interface {
-        Interface::Structured => ("True", "enable"),
-        Interface::Portable => ("1.0", "enable"),
+    let truth = match interface {
+        Interface::Structured => "True",
+        Interface::Portable => "1.0",
     };
     let mut html = prose
         .replace("{{n}}", &batteries.to_string())
         .replace("{{file}}", &format!("{identifier}.fmu"))
-        .replace("{{true}}", truth)
-        .replace("{{enable}}", switch);
+        .replace("{{true}}", truth);
     for (_, group) in registry.groups() {
         for index in ["1", "i"] {
             let name = element(group.name, index, interface);

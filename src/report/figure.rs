@@ -170,21 +170,24 @@ impl Figure {
             )
             .drag_mode(DragMode::Zoom)
             .show_legend(true)
-            .legend(
-                Legend::new()
-                    .x(1.01)
-                    .x_anchor(Anchor::Left)
-                    .y(1.0)
-                    .y_anchor(Anchor::Top)
-                    .item_click(ItemClick::Toggle)
-                    .item_double_click(ItemClick::ToggleOthers)
-                    .font(Font::new().size(12).color(palette::INK)),
-            )
+            .legend(legend())
             .x_axis(axis(&self.x_label).hover_format(".6~g"))
             .y_axis(y_axis)
             .shapes(placed.iter().map(|event| events::line(event, PLOT_HEIGHT as f64)).collect())
             .annotations(placed.iter().filter_map(events::label).collect())
     }
+}
+
+/// Beside the plot; a click hides an entry, a double click all others.
+pub(super) fn legend() -> Legend {
+    Legend::new()
+        .x(1.01)
+        .x_anchor(Anchor::Left)
+        .y(1.0)
+        .y_anchor(Anchor::Top)
+        .item_click(ItemClick::Toggle)
+        .item_double_click(ItemClick::ToggleOthers)
+        .font(Font::new().size(12).color(palette::INK))
 }
 
 fn axis(label: &str) -> Axis {

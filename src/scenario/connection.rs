@@ -56,6 +56,8 @@ pub struct Wire {
     pub from_unit: Option<Unit>,
     /// Unit of the input, where the table names it.
     pub to_unit: Option<Unit>,
+    /// Line of the table, from 0: `connections[k]`.
+    pub line: usize,
 }
 
 /// The wires of the whole table, in its order, battery by battery.
@@ -116,6 +118,7 @@ pub(super) fn wires(
                 offset: value("offset", &line.offset)?,
                 from_unit,
                 to_unit,
+                line: k,
             });
         }
     }

@@ -3,6 +3,7 @@
 //! Only shapes and defaults stand here; what values mean is checked in `resolve`.
 
 use super::connection::Connection;
+use super::fault::{Fault, Trial};
 use super::units::Bases;
 use crate::control::communication::{ExplicitTopology, Inside, StepByStepTopology, Weights};
 use crate::control::config::{
@@ -58,6 +59,9 @@ pub struct Scenario {
     /// What happens when.
     #[serde(default)]
     pub events: Vec<Event>,
+    /// What goes wrong, from when until when.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<Fault>,
     /// Connections in addition to those between equal names; a line here takes the place of the
     /// equal-name connection into the same input.
     #[serde(default)]
@@ -68,6 +72,9 @@ pub struct Scenario {
     /// Variants of this scenario that are run beside it and shown in the report.
     #[serde(default)]
     pub compare: Vec<Variant>,
+    /// The same with faults, each a row in the report's table of faults.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub trials: Vec<Trial>,
 }
 
 fn default_step_s() -> f64 {
@@ -213,6 +220,13 @@ pub struct Control {
     pub exchange_fade_s: f64,
     /// Jitter and loss of messages, seeded.
     pub channel: Channel,
+    /// Time without a message that makes sense after which a neighbour is left out until it is heard again, s; longer
+    /// than delay and jitter. Without it the last message counts for ever.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub silence_s: Option<f64>,
+    /// f: each agent leaves out the f largest and f smallest values that its neighbours tell, where it has more than
+    /// 2 f neighbours. Against wrong messages; not for the energy exchange.
+    pub outlier_filter: u32,
 }
 
 impl Default for Control {
@@ -235,6 +249,8 @@ impl Default for Control {
             lost_link_fade_s: None,
             exchange_fade_s: EXCHANGE_FADE_S,
             channel: Channel::default(),
+            silence_s: None,
+            outlier_filter: 0,
         }
     }
 }

@@ -3,12 +3,12 @@
 
 use super::document::Scenario;
 use super::error::ScenarioError;
-use super::load::{Source, find};
+use super::load::{BUILT_IN, Source, find};
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
 /// The key that names the base.
-const KEY: &str = "extends";
+pub(super) const KEY: &str = "extends";
 
 /// The document with its bases merged in and without the key `extends`.
 pub(super) fn merged(source: &Source, document: Value) -> Result<Value, ScenarioError> {
@@ -43,17 +43,17 @@ fn resolve(source: &Source, document: Value, chain: &mut Vec<String>) -> Result<
     })?;
     let mut below = resolve(&base, text, chain)?;
     if base.folder != source.folder {
-        anchor_case(&mut below, &base.folder);
+        anchor_files(&mut below, &base.folder);
     }
     merge(&mut below, Value::Object(patch));
     Ok(below)
 }
 
-/// The base: beside the document that names it, else as [`find`] knows it.
+/// The base: a built-in name first, as everywhere, then beside the document that names it, else as [`find`] knows it.
 fn base_of(source: &Source, name: &str) -> Result<Source, ScenarioError> {
+    let is_built_in = BUILT_IN.iter().any(|(built_in, _)| *built_in == name);
     let beside = source.folder.join(name);
-    let beside = if beside.is_file() { beside.to_string_lossy().into_owned() } else { name.to_owned() };
-    find(&beside)
+    if !is_built_in && beside.is_file() { find(&beside.to_string_lossy()) } else { find(name) }
 }
 
 /// What a document is known by, so that a circle is seen however its files are spelt.
@@ -62,14 +62,17 @@ fn identity(source: &Source) -> String {
     path.canonicalize().map_or_else(|_| source.origin.clone(), |path| path.display().to_string())
 }
 
-/// A relative case file goes on meaning the file beside the base.
-fn anchor_case(document: &mut Value, folder: &Path) {
-    let Some(Value::String(case)) = document.get_mut("grid").and_then(|grid| grid.get_mut("case")) else {
-        return;
-    };
-    if case.ends_with(".json") || case.ends_with(".m") {
-        let file: PathBuf = folder.join(&*case);
-        *case = std::path::absolute(&file).unwrap_or(file).to_string_lossy().into_owned();
+/// A relative case file or FMU goes on meaning the file beside the base.
+fn anchor_files(document: &mut Value, folder: &Path) {
+    for (part, key) in [("grid", "case"), ("grid", "fmu"), ("control", "fmu")] {
+        let Some(Value::String(name)) = document.get_mut(part).and_then(|part| part.get_mut(key)) else {
+            continue;
+        };
+        // A case may also be one that the program knows.
+        if key == "fmu" || name.ends_with(".json") || name.ends_with(".m") {
+            let file: PathBuf = folder.join(&*name);
+            *name = std::path::absolute(&file).unwrap_or(file).to_string_lossy().into_owned();
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
 /// The scenarios that the program carries: name and document.
-pub const BUILT_IN: [(&str, &str); 7] = [
+pub const BUILT_IN: [(&str, &str); 8] = [
     ("case1", include_str!("built_in/case1.json")),
     ("case2", include_str!("built_in/case2.json")),
     ("case3", include_str!("built_in/case3.json")),
@@ -15,6 +15,7 @@ pub const BUILT_IN: [(&str, &str); 7] = [
     ("plug_and_play", include_str!("built_in/plug_and_play.json")),
     ("voltage", include_str!("built_in/voltage.json")),
     ("energy", include_str!("built_in/energy.json")),
+    ("faults", include_str!("built_in/faults.json")),
 ];
 
 /// A document with its place, so that paths in it can be resolved and errors can name it.
@@ -50,7 +51,7 @@ pub fn read(source: &Source, set: &Map<String, Value>) -> Result<Scenario, Scena
     let trailing = |e: serde_json::Error| trailing_error(&source.origin, &e);
     let parsed: Result<Value, serde_json::Error> = serde_json::from_str(&source.text);
     if let Ok(document) = &parsed
-        && document.get("extends").is_some_and(|base| !base.is_null())
+        && document.get(extends::KEY).is_some_and(|base| !base.is_null())
     {
         if let Some(error) = extends::check_patch(source) {
             return Err(document_error(&source.origin, &error));
@@ -66,6 +67,14 @@ pub fn read(source: &Source, set: &Map<String, Value>) -> Result<Scenario, Scena
 
 /// A whole document with changed keys as a scenario.
 fn typed(source: &Source, mut document: Value, set: &Map<String, Value>) -> Result<Scenario, ScenarioError> {
+    if let Some(base) = set.get(extends::KEY) {
+        return Err(ScenarioError::Value {
+            origin: source.origin.clone(),
+            path: extends::KEY.into(),
+            found: format!("{base} among the changed keys"),
+            expected: "it in a document: a base is merged in before keys are changed".into(),
+        });
+    }
     for (path, value) in set {
         replace(&mut document, path, value.clone()).map_err(|(found, expected)| ScenarioError::Value {
             origin: source.origin.clone(),
@@ -94,7 +103,16 @@ fn document_error<E: std::fmt::Display>(
 ) -> ScenarioError {
     let path = error.path().to_string();
     let path = if path == "." { "the document".into() } else { path };
-    ScenarioError::Document { origin: origin.into(), path, problem: error.inner().to_string() }
+    ScenarioError::Document { origin: origin.into(), path, problem: in_words(&error.inner().to_string()) }
+}
+
+/// JSON knows numbers, and a user of JSON knows no names of Rust's types.
+fn in_words(problem: &str) -> String {
+    let mut words = problem.to_owned();
+    for (name, meaning) in [("f64", "a number"), ("u64", "a whole number"), ("u32", "a whole number")] {
+        words = words.replace(&format!("expected {name}"), &format!("expected {meaning}"));
+    }
+    words
 }
 
 fn trailing_error(origin: &str, error: &serde_json::Error) -> ScenarioError {

@@ -4,8 +4,10 @@
 
 pub mod connection;
 pub mod document;
+pub mod equal_names;
 mod error;
 mod extends;
+pub mod fault;
 mod load;
 mod resolve;
 mod resolve_control;

@@ -1,8 +1,9 @@
 //! From the scenario to the configurations of controller and grid, checked whole before anything is written.
 
 use super::connection::{self, Batteries, Wire};
-use super::document::{Grid, Scenario};
+use super::document::{Distance, Grid, Scenario};
 use super::error::ScenarioError;
+use super::fault::{self, WireFault};
 use super::load::{Source, find, read};
 use super::{resolve_control, resolve_grid};
 use crate::{control, grid};
@@ -22,6 +23,8 @@ pub struct Resolved {
     pub grid: Option<grid::Config>,
     /// The connection table, wire by wire.
     pub wires: Vec<Wire>,
+    /// Faults of the wires; those of messages are in `control`.
+    pub faults: Vec<WireFault>,
 }
 
 impl Resolved {
@@ -36,11 +39,12 @@ impl Resolved {
         check_frame(&scenario, &source.origin)?;
         name_every_battery(&mut scenario, &source.origin)?;
         let grid = resolve_grid::grid(&scenario, source)?;
-        let control = resolve_control::control(&scenario, &source.origin, || {
+        let (faults, messages) = fault::resolve(&scenario, &source.origin)?;
+        let control = resolve_control::control(&scenario, messages, &source.origin, || {
             resolve_grid::electrical_distances(grid.as_ref(), &source.origin)
         })?;
         let wires = connection::wires(&scenario, grid.as_ref(), &source.origin)?;
-        Ok(Self { scenario, source: source.clone(), control, grid, wires })
+        Ok(Self { scenario, source: source.clone(), control, grid, wires, faults })
     }
 
     /// The FMU that the scenario puts in the controller's place.
@@ -113,6 +117,20 @@ fn check_frame(scenario: &Scenario, origin: &str) -> Result<(), ScenarioError> {
         }
         if !(0.0..=1.0).contains(&bess.soc_start) {
             return wrong(format!("bess[{i}].soc_start"), bess.soc_start.to_string(), "a number from 0 to 1");
+        }
+    }
+    if scenario.communication.graphs.is_none()
+        && matches!(scenario.communication.distance, Distance::Electrical)
+    {
+        for (i, bess) in scenario.bess.iter().enumerate() {
+            if let Some(first) = scenario.bess.iter().take(i).position(|other| other.bus == bess.bus) {
+                return wrong(
+                    format!("bess[{i}].bus"),
+                    format!("{}, where bess[{first}] is", bess.bus),
+                    "a bus of its own, because electrical distances tell the batteries apart; or give \
+                     `communication.graphs`, or positions and the distance \"euclidean\"",
+                );
+            }
         }
     }
     for (k, event) in scenario.events.iter().enumerate() {

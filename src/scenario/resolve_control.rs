@@ -4,6 +4,7 @@ use super::document::{Bess, Distance, Scenario};
 use super::error::ScenarioError;
 use crate::control::communication::{Communication, Explicit, StepByStep};
 use crate::control::config::{Config, Limits};
+use crate::control::told::MessageFault;
 use crate::control::{ConfigError, Problem};
 
 /// Per-agent vectors of `control::Config` that stand as a key of each battery here.
@@ -37,6 +38,7 @@ const MOVED: [(&str, &str); 7] = [
 /// is asked only when they are needed.
 pub fn control(
     scenario: &Scenario,
+    message_faults: Vec<MessageFault>,
     origin: &str,
     electrical: impl FnOnce() -> Result<Vec<Vec<f64>>, ScenarioError>,
 ) -> Result<Config, ScenarioError> {
@@ -110,6 +112,9 @@ pub fn control(
         lost_link_fade_s: c.lost_link_fade_s,
         exchange_fade_s: c.exchange_fade_s,
         channel: c.channel,
+        silence_s: c.silence_s,
+        outlier_filter: c.outlier_filter,
+        message_faults,
     };
     config.validate().map_err(|error| moved(origin, &error))?;
     Ok(config)

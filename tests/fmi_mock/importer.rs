@@ -1,4 +1,5 @@
 //! The smallest importer: the 34 symbols as C sees them, and a logger that remembers.
+#![allow(dead_code, reason = "each test uses its part")]
 
 use bess_consensus::fmi::bindings::*;
 use std::cell::RefCell;

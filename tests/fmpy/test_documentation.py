@@ -1,6 +1,7 @@
 """What an FMU carries for people: a page whose table is that of the model and whose examples run, an icon, licences."""
 
 import html.parser
+import json
 import re
 import struct
 import subprocess
@@ -134,3 +135,10 @@ def test_the_licences_are_there_with_their_texts(archive):
     assert "Apache License" in read("LICENSE-APACHE")
     assert "Modelica Association" in read("FMI-headers-BSD-2-Clause.txt")
     assert "serde_json" in read("third-party.txt")
+
+
+def test_the_bill_of_materials_is_the_models_own(archive, which):
+    bill = json.loads(archive.read("documentation/sbom.cdx.json"))
+    assert bill["bomFormat"] == "CycloneDX"
+    names = {component["name"] for component in bill["components"]}
+    assert ("nalgebra" in names, "faer" in names) == (which == "controller", which == "grid")

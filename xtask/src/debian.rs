@@ -3,7 +3,7 @@
 
 use crate::{
     error::Failure,
-    platforms,
+    fuzz, platforms,
     process::{command, on_path, output, run, succeeds},
     workspace::Workspace,
 };
@@ -39,6 +39,8 @@ pub enum Need {
     Octave,
     /// Counts instructions.
     Valgrind,
+    /// The runtime of AddressSanitizer that rustup's compilers bring.
+    Asan,
 }
 
 impl Need {
@@ -59,13 +61,14 @@ impl Need {
             Need::QemuAarch64 => on_path("qemu-aarch64").is_some() && Path::new(ARM_LOADER).is_file(),
             Need::Octave => on_path("octave-cli").is_some(),
             Need::Valgrind => on_path("valgrind").is_some(),
+            Need::Asan => fuzz::has_asan(),
         }
     }
 
     /// The Debian packages that bring it; none where Debian is not the way.
     pub fn packages(self) -> &'static [&'static str] {
         match self {
-            Need::Rustfmt | Need::Clippy => &[],
+            Need::Rustfmt | Need::Clippy | Need::Asan => &[],
             Need::Libclang => &["libclang-dev"],
             Need::Python => &["python3", "python3-venv"],
             Need::Chromium => &["chromium", "chromium-driver"],
@@ -101,6 +104,7 @@ impl Need {
                 format!("qemu-aarch64 or its C library is missing: {}", install_line(self.packages()))
             }
             Need::Octave => format!("octave is missing: {}", install_line(self.packages())),
+            Need::Asan => "no AddressSanitizer beside this rustc: use rustup's, on x86-64 Linux".into(),
             Need::Valgrind => format!("valgrind is missing: {}", install_line(self.packages())),
         }
     }

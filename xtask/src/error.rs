@@ -31,6 +31,9 @@ pub enum Failure {
         /// Why.
         source: std::io::Error,
     },
+    /// Something from outside that cannot be had where this runs, and what could not be done for it.
+    #[error("{0}")]
+    Absent(String),
     /// Anything else: what was found, what was expected, how to mend it.
     #[error("{0}")]
     Other(String),

@@ -4,9 +4,10 @@ use crate::{
     error::Failure,
     platforms::{self, Built, MODELS, Platform},
     process::{cargo, command, run},
+    supply,
     workspace::Workspace,
 };
-use std::{io::IsTerminal, process::Command};
+use std::{io::IsTerminal, path::Path, process::Command};
 
 /// The packed controller, from the workspace root.
 pub const CONTROLLER: &str = "fmu/BessConsensus.fmu";
@@ -42,16 +43,29 @@ pub fn build_here(workspace: &Workspace, platform: Platform) -> Result<Built, Fa
     // One cargo call each: in one call the features of the two would unify, and the controller's
     // library would carry the grid.
     for (package, _) in MODELS {
-        start(cargo(workspace).args(["build", "--release", "--package", package]))?;
+        build_library(workspace, package, None)?;
     }
-    Ok(Built::in_folder(platform, &workspace.release()))
+    Ok(libraries(workspace, platform))
+}
+
+/// Builds one library by the plain cargo; in another cargo home, if one is given.
+pub fn build_library(workspace: &Workspace, package: &str, home: Option<&Path>) -> Result<(), Failure> {
+    let mut build = cargo(workspace);
+    supply::remapped(&mut build, workspace, Platform::here(), home)?;
+    build.args(["build", "--locked", "--release", "--package", package, "--target-dir"]);
+    start(build.arg(workspace.platforms().join("build")))
+}
+
+/// Where [`build_library`] leaves the libraries.
+pub fn libraries(workspace: &Workspace, platform: Platform) -> Built {
+    Built::in_folder(platform, &workspace.plain_libraries())
 }
 
 /// Builds the `bess` that carries these libraries, and has it write both FMUs.
 fn pack(workspace: &Workspace, built: &[Built]) -> Result<(), Failure> {
     let archive = platforms::carry(workspace, built)?;
     let mut bess = cargo(workspace);
-    bess.args(["rustc", "--release", "--package", "bess-consensus", "--bin", "bess"]);
+    bess.args(["rustc", "--locked", "--release", "--package", "bess-consensus", "--bin", "bess"]);
     start(bess.env("BESS_CARRY", archive).arg("--").args(platforms::CARRY_CFG))?;
     for (model, file) in [("controller", CONTROLLER), ("grid", GRID)] {
         run(command(workspace, workspace.bess()).args(["export", model, "case1", "-o", file]))?;

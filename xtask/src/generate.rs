@@ -6,6 +6,7 @@ use crate::{
     fmu::{self, CONTROLLER, GRID},
     licenses,
     process::{cargo, command, output, run as start},
+    supply,
     workspace::Workspace,
 };
 use clap::ValueEnum;
@@ -19,6 +20,10 @@ pub enum Generated {
     Icons,
     /// src/package/licenses/Bess*.txt, from cargo's dependency tree.
     Licenses,
+    /// docs/mistakes.md, by making every mistake.
+    Mistakes,
+    /// src/package/sbom/*.cdx.json, from cargo's dependency tree and Cargo.lock.
+    Sbom,
     /// modelDescription/*.xml, out of the packed FMUs.
     ModelDescription,
     /// schema/scenario.schema.json, from `bess schema`.
@@ -38,6 +43,14 @@ pub fn run(workspace: &Workspace, what: &[Generated]) -> Result<(), Failure> {
     }
     if wanted(Generated::Licenses) {
         licenses::write(workspace)?;
+    }
+    if wanted(Generated::Mistakes) {
+        let mut test = cargo(workspace);
+        test.args(["test", "--quiet", "--release", "--test", "mistakes"]);
+        start(test.env("BESS_WRITE_MISTAKES", "1"))?;
+    }
+    if wanted(Generated::Sbom) {
+        supply::write_sbom(workspace)?;
     }
     if wanted(Generated::ModelDescription) || wanted(Generated::Schema) {
         fmu::build_and_pack(workspace)?;

@@ -20,6 +20,33 @@ const LISTS: [(&str, &str); 2] = [
 /// A crate of the tree, by name and version.
 type Crate = (String, String);
 
+/// One line of `cargo tree --format '{p}|{l}|{r}'`.
+pub struct Listed {
+    /// The crate.
+    pub name: String,
+    /// Its version.
+    pub version: String,
+    /// Its license, an SPDX expression or, in old manifests, names with slashes between.
+    pub license: String,
+    /// Where its sources are developed; may be empty.
+    pub repository: String,
+}
+
+impl Listed {
+    /// Reads the line; none for a package of this workspace, which has its path behind the version.
+    pub fn read(line: &str) -> Option<Listed> {
+        let mut parts = line.trim().trim_end_matches(" (*)").split('|').map(str::to_owned);
+        let head = parts.next()?;
+        let mut words = head.split_whitespace();
+        let (name, version) = (words.next()?.to_owned(), words.next()?.trim_start_matches('v').to_owned());
+        if head.contains('(') && head.contains('/') {
+            return None;
+        }
+        let (license, repository) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
+        Some(Listed { name, version, license, repository })
+    }
+}
+
 /// Writes both lists into the source tree.
 pub fn write(workspace: &Workspace) -> Result<(), Failure> {
     for (package, file) in LISTS {
@@ -62,26 +89,13 @@ fn crates(workspace: &Workspace, package: &str) -> Result<BTreeMap<Crate, (Strin
     let mut tree = cargo(workspace);
     tree.args(["tree", "--locked", "--package", package, "--edges", "normal,no-proc-macro"]);
     tree.args(["--target", "all", "--prefix", "none", "--format", "{p}|{l}|{r}"]);
-    let mut crates = BTreeMap::new();
-    for line in output(&mut tree)?.lines().filter(|line| !line.trim().is_empty()) {
-        let mut parts = line.trim_end_matches(" (*)").split('|');
-        let (head, license, repository) =
-            (parts.next().unwrap_or(""), parts.next().unwrap_or(""), parts.next().unwrap_or(""));
-        // What is of this workspace has its path behind the version.
-        if head.contains('(') && head.contains('/') {
-            continue;
-        }
-        let mut words = head.split_whitespace();
-        if let (Some(name), Some(version)) = (words.next(), words.next()) {
-            let version = version.trim_start_matches('v').to_owned();
-            crates.insert((name.to_owned(), version), (license.to_owned(), repository.to_owned()));
-        }
-    }
-    Ok(crates)
+    let listed = output(&mut tree)?;
+    let crates = listed.lines().filter_map(Listed::read);
+    Ok(crates.map(|listed| ((listed.name, listed.version), (listed.license, listed.repository))).collect())
 }
 
 /// Where the sources of each crate are.
-fn folders(workspace: &Workspace) -> Result<BTreeMap<Crate, PathBuf>, Failure> {
+pub fn folders(workspace: &Workspace) -> Result<BTreeMap<Crate, PathBuf>, Failure> {
     let mut metadata = cargo(workspace);
     metadata.args(["metadata", "--locked", "--format-version", "1"]);
     let json: Value = serde_json::from_str(&output(&mut metadata)?)

@@ -6,6 +6,7 @@ mod bindings;
 mod debian;
 mod error;
 mod fmu;
+mod fuzz;
 mod generate;
 mod licenses;
 mod platforms;
@@ -13,6 +14,7 @@ mod process;
 mod python;
 mod scenario;
 mod stages;
+mod supply;
 mod table;
 mod workspace;
 
@@ -40,7 +42,12 @@ const EXAMPLES: &str = "Examples:
   cargo xtask test --only fmpy -- -k reset  one stage, with arguments for pytest
   cargo xtask bench                         speed against the bars, target/bench/summary.json
   cargo xtask bench --only power-flow       one family of its rows
-  cargo xtask generate schema               write schema/scenario.schema.json anew";
+  cargo xtask generate schema               write schema/scenario.schema.json anew
+  cargo xtask fuzz                          ten million random calls under AddressSanitizer
+  cargo xtask fuzz --guided 600             ten minutes of cargo-fuzz, from fuzz/corpus on
+  cargo xtask soak                          ten million steps and ten thousand lives of both FMUs
+  cargo xtask miri                          the C interface under miri, where a nightly has it
+  cargo xtask reproduce                     the libraries once more, in other folders: the same bytes?";
 
 #[derive(Subcommand)]
 enum Task {
@@ -88,6 +95,37 @@ enum Task {
         #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=1000))]
         runs: u32,
     },
+    /// Random calls on the C interface of both FMUs under AddressSanitizer; the first finding ends it.
+    ///
+    /// A finding names the sequence and the line to type to see it call by call.
+    Fuzz {
+        /// How many calls.
+        #[arg(long, default_value_t = 10_000_000)]
+        calls: u64,
+        /// Chooses the sequences; the same seed gives the same calls.
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// Instead, look for new paths with cargo-fuzz for so many seconds; what is found goes to target/fuzz-corpus.
+        #[arg(long, value_name = "SECONDS")]
+        guided: Option<u64>,
+    },
+    /// The C interface with a mock model under miri; needs a nightly toolchain with miri and rust-src.
+    Miri,
+    /// Long runs of both FMUs: memory must not grow, and the last run must give the bits of the first.
+    Soak {
+        /// fmi2DoStep calls for each FMU.
+        #[arg(long, default_value_t = 10_000_000)]
+        steps: u64,
+        /// Lives from fmi2Instantiate to fmi2FreeInstance for each FMU.
+        #[arg(long, default_value_t = 10_000)]
+        lives: u64,
+    },
+    /// Build the FMUs' libraries a second time, in other folders, and compare: every byte must be the same.
+    Reproduce {
+        /// Only this library: BessConsensus or BessGrid.
+        #[arg(value_parser = ["BessConsensus", "BessGrid"], value_name = "LIBRARY")]
+        library: Option<String>,
+    },
     /// Write anew the generated files that are checked in.
     Generate {
         /// Only these.
@@ -120,6 +158,11 @@ fn dispatch(task: Task) -> Result<ExitCode, Failure> {
         }
         Task::Test { only, pytest } => return stages::run(&workspace, &only, pytest),
         Task::Bench { only, runs } => bench::run(&workspace, runs, &only)?,
+        Task::Fuzz { guided: Some(seconds), .. } => fuzz::guided(&workspace, seconds)?,
+        Task::Fuzz { calls, seed, guided: None } => fuzz::seeded(&workspace, calls, seed)?,
+        Task::Miri => fuzz::miri(&workspace)?,
+        Task::Soak { steps, lives } => fuzz::soak(&workspace, (steps, lives))?,
+        Task::Reproduce { library } => supply::reproduce(&workspace, library.as_deref())?,
         Task::Generate { what } => generate::run(&workspace, &what)?,
     }
     Ok(ExitCode::SUCCESS)

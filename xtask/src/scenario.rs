@@ -16,6 +16,25 @@ pub fn run(workspace: &Workspace, scenario: &Path, extra: &[String]) -> Result<(
     start(&mut bess)
 }
 
+/// Runs Case 1 once more with each FMU in a process of its own: the trajectory must be the same, byte for byte.
+pub fn isolated(workspace: &Workspace) -> Result<(), Failure> {
+    let case = Path::new("case1");
+    let folder = "results/case1-isolated";
+    let mut bess = command(workspace, workspace.bess());
+    bess.args(["run", "case1", "--isolate", "--no-report", "--quiet", "-o", folder]);
+    start(bess.args(["--controller", CONTROLLER, "--grid", GRID]))?;
+    let read = |folder: &Path| {
+        let path = workspace.root.join(folder).join("trajectory.csv");
+        std::fs::read(&path).map_err(Failure::file("read", &path))
+    };
+    if read(Path::new(folder))? == read(Path::new(&results(case)?))? {
+        println!("case1 --isolate: the same trajectory, byte for byte");
+        Ok(())
+    } else {
+        Err(Failure::Other("case1: the trajectory with --isolate differs from the one without".to_owned()))
+    }
+}
+
 /// Where `bess run` leaves what it made, from the workspace root.
 pub fn results(scenario: &Path) -> Result<OsString, Failure> {
     let name = scenario.file_stem().ok_or_else(|| {

@@ -40,6 +40,11 @@ impl Workspace {
         self.target.join("platforms")
     }
 
+    /// Where the plain cargo leaves the FMUs' libraries.
+    pub fn plain_libraries(&self) -> PathBuf {
+        self.platforms().join("build/release")
+    }
+
     /// Where release builds land.
     pub fn release(&self) -> PathBuf {
         self.target.join("release")

@@ -39,6 +39,9 @@ pub struct Row {
     pub largest_u_omega: f64,
     /// Largest total variation of an omega_set_i over that time, pu.
     pub variation_of_omega_set: f64,
+    /// Which run: 0 the scenario itself, then its variants. One that ends before the phase has no row.
+    #[serde(skip)]
+    pub run: usize,
     /// Whether nothing but eta differs from the scenario, under the finite-time law.
     #[serde(skip)]
     only_eta: bool,
@@ -84,6 +87,7 @@ pub fn row(
         T_P: phase.T_P,
         largest_u_omega: of("u_omega").into_iter().map(largest).fold(0.0, f64::max),
         variation_of_omega_set: of("omega_set").into_iter().map(variation).fold(0.0, f64::max),
+        run: 0,
         only_eta: same == main.control && main.control.law == Law::FiniteTime && same_frame(main, resolved),
     })
 }
@@ -193,6 +197,7 @@ mod tests {
             T_P: None,
             largest_u_omega: 0.0,
             variation_of_omega_set: 0.0,
+            run: 0,
             only_eta: true,
         }
     }

@@ -1,7 +1,7 @@
 //! What `bess run` prints: one row per phase, and where the rest is.
 
-use super::comparison;
 use super::results::Results;
+use super::{comparison, faults};
 use crate::report::{Phase, format_value};
 use std::fmt::Write as _;
 use std::path::Path;
@@ -32,6 +32,9 @@ pub fn table(results: &Results, folder: &Path, report: bool) -> String {
     }
     if results.side_by_side.len() > 1 {
         text.push_str(&comparison::text(&results.side_by_side));
+    }
+    if !results.faults.is_empty() {
+        text.push_str(&faults::text(&results.faults));
     }
     let options = results.options();
     let _ = writeln!(

@@ -1,8 +1,10 @@
 //! One run with everything that is recorded of it.
 
+use crate::harness::checkpoint::Identity;
 use crate::harness::scenario::{CONTROLLER, GRID};
 use crate::harness::{
-    Cast, Column, FanOut, HarnessError, Memory, Observer, Outcome, Plan, Progress, Recorder, run, stage,
+    Cast, Checkpoint, Column, FanOut, HarnessError, Isolation, Keeping, Memory, Observer, Outcome,
+    Participant, Plan, Progress, Recorder, run_from, stage_isolated,
 };
 use crate::report::{Columns, ReportError};
 use crate::scenario::Resolved;
@@ -11,53 +13,114 @@ use std::path::Path;
 use std::time::Duration;
 
 /// Controller outputs that the figures need besides what the agents measure.
-const SHOWN: [&str; 10] =
-    ["P_set", "Q_set", "T_omega", "T_P", "u_omega", "u_P", "u_E", "u_V", "u_Q", "omega_set"];
+const SHOWN: [&str; 11] =
+    ["P_set", "Q_set", "T_omega", "T_P", "u_omega", "u_P", "u_E", "u_V", "u_Q", "omega_set", "V_set"];
 
 /// What is left of a run.
 pub struct Record {
     /// Steps, times, warnings.
     pub outcome: Outcome,
+    /// What ended it too early, if anything did.
+    pub ended: Option<HarnessError>,
     plan: Plan,
-    memory: Memory,
+    kept: Kept,
     time_s: Vec<f64>,
     named: Vec<(String, Vec<f64>)>,
 }
 
-/// Runs a scenario; with a folder, `trajectory.csv` is written there while it runs.
-pub fn record(
-    resolved: &Resolved,
-    cast: &Cast,
-    folder: Option<&Path>,
-    quiet: bool,
-) -> Result<Record, HarnessError> {
-    let (mut participants, plan) = stage(resolved, cast)?;
+/// How a run is recorded.
+#[derive(Default)]
+pub struct How<'a> {
+    /// Where `trajectory.csv` is written while it runs.
+    pub folder: Option<&'a Path>,
+    /// No progress bar.
+    pub quiet: bool,
+    /// Each FMU in a process of its own.
+    pub isolation: Option<&'a Isolation>,
+    /// Checkpoints every so often, ns of simulated time; they need the folder.
+    pub checkpoint_ns: Option<i64>,
+    /// From the checkpoint in the folder.
+    pub resume: bool,
+}
+
+/// Samples for the report and the trajectory, with checkpoints or without.
+enum Kept {
+    Plain(Memory, Option<Box<Recorder>>),
+    Resumable(Box<Keeping>),
+}
+
+impl Kept {
+    fn memory(&self) -> &Memory {
+        match self {
+            Kept::Plain(memory, _) => memory,
+            Kept::Resumable(keeping) => keeping.memory(),
+        }
+    }
+
+    fn observers(&mut self) -> Vec<&mut dyn Observer> {
+        match self {
+            Kept::Plain(memory, None) => vec![memory],
+            Kept::Plain(memory, Some(recorder)) => vec![memory, recorder.as_mut()],
+            Kept::Resumable(keeping) => vec![keeping.as_mut()],
+        }
+    }
+}
+
+/// Runs a scenario. An error in the middle leaves a record of what there is.
+pub fn record(resolved: &Resolved, cast: &Cast, how: &How<'_>) -> Result<Record, HarnessError> {
+    let (mut participants, plan) = stage_isolated(resolved, cast, how.isolation)?;
     let sources: Vec<String> = plan.connections.iter().map(|c| c.from.to_string()).collect();
     let keep = move |column: &Column| {
         sources.contains(&column.label())
             || (column.participant == CONTROLLER && SHOWN.contains(&quantity(&column.variable)))
     };
-    let mut memory = Memory::new(1, keep);
-    let bar = bar(quiet);
+    let memory = Memory::new(1, keep);
+    let every = u64::from(resolved.scenario.record_every);
+    let (mut kept, checkpoint) = match how.folder {
+        Some(folder) if how.resume || how.checkpoint_ns.is_some() => {
+            let identity = identity(resolved, &participants);
+            let found = if how.resume { Some(Checkpoint::read(folder, &identity)?) } else { None };
+            let every_ns = how.checkpoint_ns.or(found.as_ref().map(|found| found.every_ns));
+            let keeping = match &found {
+                Some(found) => Keeping::resuming(folder, found, every, memory),
+                None => Keeping::new(folder, every_ns.unwrap_or(i64::MAX), identity, every, memory),
+            };
+            (Kept::Resumable(Box::new(keeping)), found)
+        }
+        folder => (Kept::Plain(memory, folder.map(|folder| Box::new(Recorder::new(folder, every)))), None),
+    };
+    let bar = bar(how.quiet);
     let mut progress = Progress::new(Duration::from_millis(50), |t_s, share| {
         bar.set_position((share * 1000.0) as u64);
         bar.set_message(format!("{t_s:.0} of {:.0} s", resolved.scenario.stop_s));
     });
-    let mut recorder = folder.map(|f| Recorder::new(f, u64::from(resolved.scenario.record_every)));
-    let mut observers: Vec<&mut dyn Observer> = vec![&mut memory, &mut progress];
-    if let Some(recorder) = &mut recorder {
-        observers.push(recorder);
-    }
-    let outcome = run(&mut participants, &plan, &mut FanOut(observers));
+    let mut observers = kept.observers();
+    observers.push(&mut progress);
+    let from = checkpoint.as_ref().map(|checkpoint| &checkpoint.position);
+    let (outcome, result) = run_from(&mut participants, &plan, &mut FanOut(observers), from);
     bar.finish_and_clear();
-    let outcome = outcome?;
+    let ended = match result {
+        // What the user gave does not fit, or could not be written at all: nothing has run.
+        Err(error) if kept.memory().times_ns().is_empty() && !matches!(error, HarnessError::Run { .. }) => {
+            return Err(error);
+        }
+        result => result.err(),
+    };
+    let memory = kept.memory();
     let time_s = memory.times_ns().iter().map(|t| *t as f64 * 1e-9).collect();
-    let mut named = measured(&plan, &memory, resolved.control.agents());
+    let mut named = measured(&plan, memory, resolved.control.agents());
     for column in memory.columns().iter().filter(|c| c.participant == CONTROLLER) {
         let values = memory.values(CONTROLLER, &column.variable).unwrap_or_default();
         named.push((column.label(), values.to_vec()));
     }
-    Ok(Record { outcome, plan, memory, time_s, named })
+    Ok(Record { outcome, ended, plan, kept, time_s, named })
+}
+
+/// What a checkpoint of this run belongs to.
+fn identity(resolved: &Resolved, participants: &[Box<dyn Participant>]) -> Identity {
+    let scenario = serde_json::to_string(&resolved.scenario).unwrap_or_default();
+    let configuration = format!("{:?} {:?} {:?}", resolved.control, resolved.grid, resolved.wires);
+    Identity::new(scenario, &configuration, participants)
 }
 
 impl Record {
@@ -70,14 +133,26 @@ impl Record {
     /// max abs(sum of P_set) over all communication points, pu.
     pub fn worst_sum_of_p_set(&self, n: usize) -> f64 {
         let columns: Vec<&[f64]> =
-            (1..=n).filter_map(|i| self.memory.values(CONTROLLER, &format!("P_set[{i}]"))).collect();
+            (1..=n).filter_map(|i| self.kept.memory().values(CONTROLLER, &format!("P_set[{i}]"))).collect();
         let sum = |k: usize| columns.iter().filter_map(|c| c.get(k)).sum::<f64>();
         (0..self.time_s.len()).map(|k| sum(k).abs()).fold(0.0, f64::max)
     }
 
     /// Simulated time over wall time.
     pub fn real_time_factor(&self) -> f64 {
-        (self.plan.stop_ns - self.plan.start_ns) as f64 * 1e-9 / self.outcome.total.as_secs_f64()
+        let (from_ns, to_ns) = self.outcome.span_ns;
+        (to_ns - from_ns) as f64 * 1e-9 / self.outcome.total.as_secs_f64()
+    }
+
+    /// Where it was resumed, s.
+    pub fn resumed_at_s(&self) -> Option<f64> {
+        let (from_ns, _) = self.outcome.span_ns;
+        (from_ns > self.plan.start_ns).then_some(from_ns as f64 * 1e-9)
+    }
+
+    /// Recorded instants, s.
+    pub fn time_s(&self) -> &[f64] {
+        &self.time_s
     }
 }
 

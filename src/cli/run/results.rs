@@ -2,11 +2,12 @@
 
 use super::super::Failure;
 use super::comparison::{self, Compared, Row};
+use super::ended::Ended;
 use super::record::Record;
 use super::sections::{certificates, communication, figures_of_paper, side_by_side};
 use crate::report::{
-    Agents, Item, Phase, PhaseOptions, Report, Section, Status, error_systems, five_states, phase_table,
-    phases,
+    Agents, FaultRow, Item, Phase, PhaseOptions, Report, Section, Status, error_systems, fault_table,
+    five_states, phase_table, phases,
 };
 use crate::scenario::Resolved;
 use miette::{IntoDiagnostic, WrapErr};
@@ -37,6 +38,12 @@ pub struct Results {
     pub side_by_side: Vec<Row>,
     /// In which range of eta the smaller one is faster, where eta was varied.
     pub eta: Option<String>,
+    /// What goes wrong, line by line; empty without faults.
+    pub faults: Vec<FaultRow>,
+    /// Where an interrupted run was resumed, s; wall time and real-time factor count from there.
+    pub resumed_at_s: Option<f64>,
+    /// What ended the run too early; all figures are of the time before.
+    pub ended: Option<Ended>,
     #[serde(skip)]
     agents: Agents,
     #[serde(skip)]
@@ -56,7 +63,12 @@ pub struct VariantResults {
 
 impl Results {
     /// Sums up the run and its variants.
-    pub fn new(resolved: &Resolved, main: &Record, compared: &[Compared]) -> Result<Self, Failure> {
+    pub fn new(
+        resolved: &Resolved,
+        main: &Record,
+        compared: &[Compared],
+        ended: Option<Ended>,
+    ) -> Result<Self, Failure> {
         let n = resolved.control.agents();
         let agents = Agents {
             names: (0..n).map(|i| resolved.bess_name(i)).collect(),
@@ -83,16 +95,22 @@ impl Results {
             if let Some(phase) = first(&own) {
                 rows.push(comparison::row("as given", resolved, resolved, main, &agents, &phase)?);
             }
-            for (c, v) in compared.iter().zip(&variants) {
+            for (k, (c, v)) in compared.iter().zip(&variants).enumerate() {
                 if let Some(phase) = first(&v.phases) {
-                    rows.push(comparison::row(&c.label, resolved, &c.resolved, &c.record, &agents, &phase)?);
+                    let mut row =
+                        comparison::row(&c.label, resolved, &c.resolved, &c.record, &agents, &phase)?;
+                    row.run = k + 1;
+                    rows.push(row);
                 }
             }
             rows
         };
         Ok(Self {
             scenario: resolved.scenario.name.clone(),
-            simulated_s: resolved.scenario.stop_s,
+            simulated_s: match &main.ended {
+                Some(_) => main.time_s().last().copied().unwrap_or(0.0),
+                None => resolved.scenario.stop_s,
+            },
             step_s: resolved.scenario.step_s,
             wall_s: main.outcome.total.as_secs_f64(),
             real_time_factor: main.real_time_factor(),
@@ -101,6 +119,9 @@ impl Results {
             variants,
             eta: comparison::eta_verdict(&side_by_side),
             side_by_side,
+            faults: Vec::new(),
+            resumed_at_s: main.resumed_at_s(),
+            ended,
             agents,
             events,
             options,
@@ -112,6 +133,11 @@ impl Results {
         self.phases.iter().filter(|p| p.from_s >= self.options.active_from_s).all(Phase::settled)
     }
 
+    /// The batteries.
+    pub fn agents(&self) -> &Agents {
+        &self.agents
+    }
+
     /// What counts as settled.
     pub fn options(&self) -> &PhaseOptions {
         &self.options
@@ -121,7 +147,11 @@ impl Results {
     pub fn write_summary(&self, path: &Path) -> Result<(), Failure> {
         let text = serde_json::to_string_pretty(self).into_diagnostic()?;
         let folder = path.parent().unwrap_or(Path::new("."));
-        let written = tempfile::NamedTempFile::new_in(folder).and_then(|mut file| {
+        let mut builder = tempfile::Builder::new();
+        // Readable like any other file of the user.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let written = builder.tempfile_in(folder).and_then(|mut file| {
             writeln!(file, "{text}")?;
             file.persist(path).map_err(|e| e.error).map(|_| ())
         });
@@ -135,7 +165,8 @@ impl Results {
         main: &Record,
         compared: &[Compared],
     ) -> Result<Report, Failure> {
-        let mut sections = vec![Section {
+        let mut sections: Vec<Section> = self.ended.iter().map(Ended::section).collect();
+        sections.push(Section {
             heading: "Figures of the run".into(),
             text: format!(
                 "{} s simulated in {:.3} s, {:.0} times faster than real time, with a communication step of \
@@ -143,9 +174,16 @@ impl Results {
                 self.simulated_s, self.wall_s, self.real_time_factor, self.step_s, self.worst_sum_of_P_set
             ),
             items: vec![phase_table(&self.phases, &self.agents, &self.options)],
-        }];
+        });
         if self.side_by_side.len() > 1 {
             sections.push(side_by_side(&self.side_by_side, &self.agents, &self.events, main, compared)?);
+        }
+        if !self.faults.is_empty() {
+            sections.push(Section {
+                heading: "Faults".into(),
+                text: "Each line is a run of its own.".into(),
+                items: vec![fault_table(&self.faults)],
+            });
         }
         let paper = figures_of_paper(&self.scenario);
         let title = |what: &str, figure: Option<u32>| {
@@ -166,17 +204,15 @@ impl Results {
         Ok(Report {
             title: resolved.scenario.name.clone(),
             subtitle: resolved.scenario.description.clone(),
-            status: Some(Status {
-                good: self.settled(),
-                text: if self.settled() {
-                    "Settled after every event"
-                } else {
-                    "Not settled after every event"
-                }
-                .into(),
-            }),
+            status: Some(self.ended.as_ref().map_or_else(|| self.status(), Ended::status)),
             sections,
         })
+    }
+
+    fn status(&self) -> Status {
+        let text =
+            if self.settled() { "Settled after every event" } else { "Not settled after every event" }.into();
+        Status { good: self.settled(), text }
     }
 
     fn states(&self, heading: &str, record: &Record) -> Result<Section, Failure> {
@@ -201,7 +237,7 @@ impl Results {
 }
 
 /// When the controller is first enabled, s; infinite if never.
-fn enabled_from(resolved: &Resolved) -> f64 {
+pub fn enabled_from(resolved: &Resolved) -> f64 {
     let on = |set: &serde_json::Map<String, serde_json::Value>| {
         set.get("controller.enable").is_some_and(|v| v.as_bool() == Some(true) || v.as_f64() == Some(1.0))
     };

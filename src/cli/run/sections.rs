@@ -34,13 +34,14 @@ pub fn side_by_side(
 ) -> Result<Section, Failure> {
     let runs: Vec<&Record> = std::iter::once(main).chain(compared.iter().map(|c| &c.record)).collect();
     let mut overlays: Vec<Figure> = Vec::new();
-    for (k, (run, row)) in runs.iter().zip(rows).enumerate() {
+    for row in rows {
+        let Some(run) = runs.get(row.run) else { continue };
         let figures = error_systems(&run.columns().into_diagnostic()?, agents, events).into_diagnostic()?;
         if overlays.is_empty() {
             overlays = figures.iter().map(empty_overlay).collect();
         }
         for (overlay, figure) in overlays.iter_mut().zip(&figures) {
-            overlay.lines.extend(worst_line(figure, &row.label, k));
+            overlay.lines.extend(worst_line(figure, &row.label, row.run));
         }
     }
     Ok(Section {

@@ -1,4 +1,4 @@
-//! FMU states across C: a `fmi2FMUstate` is a boxed [`Snapshot`].
+//! FMU states across C: a `fmi2FMUstate` is a boxed [`Handle`].
 
 use super::{array, array_mut, enter, pointer_fault, write_to};
 use crate::fmi::bindings::{fmi2Byte, fmi2Component, fmi2FMUstate, fmi2Status};
@@ -8,26 +8,65 @@ use crate::fmi::instance::Instance;
 use crate::fmi::model::Model;
 use crate::fmi::state::Snapshot;
 
+/// A snapshot behind a mark. A master that couples several of these FMUs may mix up their states; the mark comes
+/// first, so that it can be looked at before anything is known about what follows.
+#[repr(C)]
+struct Handle<M: Model> {
+    mark: u64,
+    snapshot: Snapshot<M>,
+}
+
+impl<M: Model> Handle<M> {
+    /// Model and version: what decides how a snapshot lies in memory.
+    const MARK: u64 =
+        fnv(M::IDENTIFIER.as_bytes(), fnv(env!("CARGO_PKG_VERSION").as_bytes(), 0xcbf2_9ce4_8422_2325));
+}
+
+/// FNV-1a, 64 bits.
+const fn fnv(mut bytes: &[u8], mut hash: u64) -> u64 {
+    while let [first, rest @ ..] = bytes {
+        hash = (hash ^ *first as u64).wrapping_mul(0x0100_0000_01b3);
+        bytes = rest;
+    }
+    hash
+}
+
+/// Whether there is a state, and that it is one of this model.
+///
+/// # Safety
+/// `state` is NULL or comes from [`get_fmu_state`] or [`deserialize_fmu_state`], of whatever model, and has not been
+/// freed.
+unsafe fn is_given<M: Model>(function: Function, state: fmi2FMUstate) -> Result<bool, Error> {
+    if state.is_null() {
+        return Ok(false);
+    }
+    // SAFETY: not NULL, so a living handle, whose first member is the mark.
+    if unsafe { state.cast::<u64>().read() } == Handle::<M>::MARK {
+        return Ok(true);
+    }
+    let (argument, found) = ("FMUstate", "a state of another FMU");
+    let expected = "one that fmi2GetFMUstate or fmi2DeSerializeFMUstate of this FMU made";
+    Err(Error::Pointer { function, argument, found, expected })
+}
+
 /// The snapshot behind a state.
 ///
 /// # Safety
-/// `state` is NULL or comes from [`get_fmu_state`] or [`deserialize_fmu_state`] for the same `M` and
-/// has not been freed.
+/// As [`is_given`].
 unsafe fn snapshot<'a, M: Model>(function: Function, state: fmi2FMUstate) -> Result<&'a Snapshot<M>, Error> {
-    let null = Error::Pointer {
-        function,
-        argument: "FMUstate",
-        found: "NULL",
-        expected: "a state from fmi2GetFMUstate or fmi2DeSerializeFMUstate",
-    };
     // SAFETY: as promised by the caller.
-    unsafe { state.cast::<Snapshot<M>>().as_ref() }.ok_or(null)
+    if unsafe { is_given::<M>(function, state) }? {
+        // SAFETY: a living handle of this model.
+        return Ok(unsafe { &(*state.cast::<Handle<M>>()).snapshot });
+    }
+    let expected = "a state from fmi2GetFMUstate or fmi2DeSerializeFMUstate";
+    Err(Error::Pointer { function, argument: "FMUstate", found: "NULL", expected })
 }
 
 /// Hands a snapshot out: into the state that `place` already holds, or as a new one.
 ///
 /// # Safety
-/// `place` is NULL or writable, and holds NULL or a living state as in [`snapshot`].
+/// `place` is NULL or writable, and holds what [`is_given`] takes.
 unsafe fn hand_out<M: Model>(
     function: Function,
     place: *mut fmi2FMUstate,
@@ -41,12 +80,18 @@ unsafe fn hand_out<M: Model>(
             expected: "where to write the state",
         });
     }
-    let made = make()?;
-    // SAFETY: not NULL; what it holds is as promised by the caller, and nobody else uses it.
-    match unsafe { place.read().cast::<Snapshot<M>>().as_mut() } {
-        Some(present) => *present = made,
+    // SAFETY: not NULL, readable as promised by the caller.
+    let present = unsafe { place.read() };
+    // SAFETY: as promised by the caller.
+    let overwrites = unsafe { is_given::<M>(function, present) }?;
+    let snapshot = make()?;
+    if overwrites {
+        // SAFETY: a living handle of this model, which nobody else uses.
+        unsafe { (*present.cast::<Handle<M>>()).snapshot = snapshot };
+    } else {
+        let made = Box::new(Handle { mark: Handle::<M>::MARK, snapshot });
         // SAFETY: not NULL, writable as promised by the caller.
-        None => unsafe { place.write(Box::into_raw(Box::new(made)).cast()) },
+        unsafe { place.write(Box::into_raw(made).cast()) };
     }
     Ok(())
 }
@@ -85,19 +130,25 @@ pub unsafe extern "C" fn set_fmu_state<M: Model>(c: fmi2Component, state: fmi2FM
 /// # Safety
 /// `c` as for fmi2FreeInstance; `state` is NULL or points to NULL or to a living state.
 pub unsafe extern "C" fn free_fmu_state<M: Model>(c: fmi2Component, state: *mut fmi2FMUstate) -> fmi2Status {
+    let function = Function::FreeFmuState;
     let body = |_: &mut Instance<M>| {
-        if pointer_fault(state, 1).is_none() {
-            // SAFETY: not NULL, and holds NULL or a living state as promised by the caller.
-            let present = unsafe { state.replace(std::ptr::null_mut()) }.cast::<Snapshot<M>>();
-            if !present.is_null() {
-                // SAFETY: made by Box::into_raw in `hand_out` and out of reach from now on.
-                drop(unsafe { Box::from_raw(present) });
+        if pointer_fault(state, 1).is_some() {
+            return Ok(());
+        }
+        // SAFETY: not NULL, readable as promised by the caller.
+        let present = unsafe { state.read() };
+        // SAFETY: NULL or a living state, as promised by the caller.
+        if unsafe { is_given::<M>(function, present) }? {
+            // SAFETY: made by Box::into_raw in `hand_out` for this model, and out of reach from now on.
+            unsafe {
+                state.write(std::ptr::null_mut());
+                drop(Box::from_raw(present.cast::<Handle<M>>()));
             }
         }
         Ok(())
     };
     // SAFETY: as promised by the caller.
-    unsafe { enter(c, Function::FreeFmuState, body) }
+    unsafe { enter(c, function, body) }
 }
 
 /// fmi2SerializedFMUstateSize.

@@ -53,8 +53,8 @@ pub struct PowerFlowSolver {
     va: Vec<f64>,
     v: Vec<c64>,
     s: Vec<c64>,
-    /// vm and va before a solve, to go back to when it fails.
-    before: (Vec<f64>, Vec<f64>),
+    /// vm, va and s before a solve, to go back to when it fails.
+    before: (Vec<f64>, Vec<f64>, Vec<c64>),
     mismatch: Vec<[f64; 2]>,
     correction: Vec<[f64; 2]>,
     jacobian: Vec<Real2>,
@@ -78,7 +78,7 @@ impl PowerFlowSolver {
             tolerance_pu: TOLERANCE_PU,
             generation: (0..n).map(|k| specified.power[k] + load(k)).collect(),
             specified: ordering.order.iter().map(|&k| specified.power[k as usize]).collect(),
-            before: (vm.clone(), va.clone()),
+            before: (vm.clone(), va.clone(), vec![c64::ZERO; n]),
             vm,
             va,
             v: vec![c64::ZERO; n],
@@ -132,14 +132,16 @@ impl PowerFlowSolver {
         self.s[self.ordering.position[b] as usize]
     }
 
-    /// Solves from the voltages of the solve before, or from the start. When it fails, these stay.
+    /// Solves from the voltages of the solve before, or from the start. When it fails, what was there stays.
     pub fn solve(&mut self) -> Result<Convergence, GridError> {
         self.before.0.copy_from_slice(&self.vm);
         self.before.1.copy_from_slice(&self.va);
+        self.before.2.copy_from_slice(&self.s);
         let solved = self.newton();
         if solved.is_err() {
             self.vm.copy_from_slice(&self.before.0);
             self.va.copy_from_slice(&self.before.1);
+            self.s.copy_from_slice(&self.before.2);
         }
         solved
     }

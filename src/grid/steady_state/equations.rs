@@ -65,7 +65,7 @@ impl Equations {
         // The first source's active power, which the border takes when islanded.
         let mut border = ([0.0; 2], [0.0; 2]);
         for i in 0..n {
-            let y = network.source_admittance(i);
+            let y = network.source[i];
             // S = E conj(y (E - v)), E = V exp(j delta), by angle, magnitude, real and imaginary v.
             let t = E[i] * (y * E[i]).conj();
             let by_angle = c64::new(0.0, 1.0) * (S[i] - t);

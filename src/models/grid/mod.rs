@@ -75,7 +75,8 @@ impl Model for Grid {
     }
 
     fn variables(&self) -> Vec<Group<Self>> {
-        variables::variables(self.planes.values.n(), self.planes.values.n_bus())
+        let grid = &self.planes.values;
+        variables::variables(grid.n(), grid.n_bus(), grid.has_tie())
     }
 
     fn state(&self) -> &State {

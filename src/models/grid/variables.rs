@@ -5,15 +5,16 @@ use super::Grid;
 use crate::fmi::{Dependencies, Group, Range, Unit};
 use crate::models::variables::{GroupExt, input, output, parameter, switch};
 
-/// All variables for `n` batteries and `buses` buses.
-pub fn variables(n: usize, buses: usize) -> Vec<Group<Grid>> {
-    let mut all = inputs(n, buses);
+/// All variables for `n` batteries and `buses` buses, with or without a tie to the main grid.
+pub fn variables(n: usize, buses: usize, has_tie: bool) -> Vec<Group<Grid>> {
+    let mut all = inputs(n, buses, has_tie);
     all.extend(outputs(n, buses));
     all.extend(parameters(n));
     all
 }
 
-fn inputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
+fn inputs(n: usize, buses: usize, has_tie: bool) -> Vec<Group<Grid>> {
+    let breaker = if has_tie { Range::ANY } else { Range::FALSE };
     vec![
         input(
             "omega_set",
@@ -78,18 +79,19 @@ fn inputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
             |m: &mut Grid, _, v| {
                 m.inputs_mut().tie_closed = v;
             },
-        ),
+        )
+        .range(breaker),
     ]
 }
 
 fn outputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
     let network = || Dependencies::All(&["V_set", "Q_set", "dP_load", "dQ_load", "tie_closed"]);
     vec![
-        output("P", "Measured active power", |m: &Grid, i| m.planes.get(|g| g.P(i), |d| d.P[i]))
+        output("P", "Measured active power", |m: &Grid, i| m.planes.get(|g| g.P(i), |d| d.P(i)))
             .each(n)
             .unit(Unit::PerUnit),
         output("Q", "Measured reactive power, inductive positive", |m: &Grid, i| {
-            m.planes.get(|g| g.Q(i), |d| d.Q[i])
+            m.planes.get(|g| g.Q(i), |d| d.Q(i))
         })
         .each(n)
         .unit(Unit::PerUnit),
@@ -103,7 +105,7 @@ fn outputs(n: usize, buses: usize) -> Vec<Group<Grid>> {
         .each(n)
         .unit(Unit::PerUnit)
         .follows(Dependencies::SameIndex(&["omega_set", "P_set"])),
-        output("E", "Stored energy", |m: &Grid, i| m.planes.get(|g| g.E(i), |d| d.E[i]))
+        output("E", "Stored energy", |m: &Grid, i| m.planes.get(|g| g.E(i), |d| d.E(i)))
             .each(n)
             .unit(Unit::PerUnitHour),
         output("bus_V", "Voltage magnitude, by position of the bus", |m: &Grid, b| {

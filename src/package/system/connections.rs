@@ -4,6 +4,7 @@ use super::SystemError;
 use super::part::{Part, Variable};
 use crate::fmi::Causality;
 use crate::scenario::connection::Wire;
+use crate::scenario::equal_names::EqualNames;
 use std::collections::BTreeSet;
 
 /// One wire of the system: `to = factor from + offset`.
@@ -28,38 +29,42 @@ impl Connection<'_> {
 /// All wires, in the order of table, components and inputs.
 pub fn between<'a>(parts: &'a [Part], table: &[Wire]) -> Result<Vec<Connection<'a>>, SystemError> {
     let mut all: Vec<Connection<'a>> = Vec::new();
-    for line in table {
-        let path = format!("connections, {} to {}", line.from, line.to);
-        let from = endpoint(parts, &path, &line.from, Causality::Output, "output; as grid.P[1]")?;
-        let to = endpoint(parts, &path, &line.to, Causality::Input, "input; as controller.P[1]")?;
+    for wire in table {
+        let path = format!("connections[{}]", wire.line);
+        let from = endpoint(parts, &path, ("from", &wire.from), Causality::Output, "output; as grid.P[1]")?;
+        let to = endpoint(parts, &path, ("to", &wire.to), Causality::Input, "input; as controller.P[1]")?;
         if from.1.kind != to.1.kind {
             return Err(SystemError::Types {
                 path,
-                from: line.from.clone(),
+                from: wire.from.clone(),
                 from_type: from.1.kind.to_string(),
-                to: line.to.clone(),
+                to: wire.to.clone(),
                 to_type: to.1.kind.to_string(),
             });
         }
         if all.iter().any(|c| c.feeds(to.0, to.1)) {
-            return Err(SystemError::Refused { path, reason: format!("{} already has a source", line.to) });
+            let (path, reason) = (path + ".to", format!("{} already has a source", wire.to));
+            return Err(SystemError::Refused { path, reason });
         }
-        all.push(Connection { from, to, factor: line.factor, offset: line.offset });
+        all.push(Connection { from, to, factor: wire.factor, offset: wire.offset });
     }
     let taken: BTreeSet<(&str, &str)> = all.iter().map(|c| (c.to.0.name, c.to.1.name.as_str())).collect();
+    let of = |causality: Causality| {
+        let variables = |part: &'a Part| part.variables.iter().map(move |variable| (part, variable));
+        parts.iter().flat_map(variables).filter(move |(_, variable)| variable.causality == causality)
+    };
+    let outputs = of(Causality::Output);
+    let names = EqualNames::of(outputs.map(|output| (output.0.name, output.1.structured.as_str(), output)));
     let mut equal = Vec::new();
-    for part in parts {
-        let open =
-            |v: &&Variable| v.causality == Causality::Input && !taken.contains(&(part.name, v.name.as_str()));
-        for input in part.variables.iter().filter(open) {
-            let mut others = parts.iter().filter(|other| other.name != part.name);
-            let source = others.find_map(|other| {
-                let output = other.find(&input.structured, Causality::Output)?;
-                (output.kind == input.kind).then_some((other, output))
-            });
-            if let Some(from) = source {
-                equal.push(Connection { from, to: (part, input), factor: 1.0, offset: 0.0 });
-            }
+    for to in of(Causality::Input).filter(|(part, input)| !taken.contains(&(part.name, &*input.name))) {
+        let (part, input) = to;
+        let source = names.source(part.name, &input.structured).map_err(|sources| SystemError::Refused {
+            path: "connections".to_owned(),
+            reason: format!("{}.{} could be fed by each of {sources}", part.name, input.structured),
+        })?;
+        // `bess run` converts types; whoever opens the system need not.
+        if let Some((_, from)) = source.filter(|(_, (_, output))| output.kind == input.kind) {
+            equal.push(Connection { from, to, factor: 1.0, offset: 0.0 });
         }
     }
     all.extend(equal);
@@ -69,7 +74,7 @@ pub fn between<'a>(parts: &'a [Part], table: &[Wire]) -> Result<Vec<Connection<'
 fn endpoint<'a>(
     parts: &'a [Part],
     path: &str,
-    name: &str,
+    (key, name): (&str, &str),
     causality: Causality,
     expected: &'static str,
 ) -> Result<(&'a Part, &'a Variable), SystemError> {
@@ -77,5 +82,9 @@ fn endpoint<'a>(
         let part = parts.iter().find(|part| part.name == owner)?;
         Some((part, part.find(variable, causality)?))
     });
-    found.ok_or_else(|| SystemError::Unknown { path: path.to_owned(), found: name.to_owned(), expected })
+    found.ok_or_else(|| SystemError::Unknown {
+        path: format!("{path}.{key}"),
+        found: name.to_owned(),
+        expected,
+    })
 }

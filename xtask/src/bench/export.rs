@@ -41,7 +41,8 @@ pub fn rows(workspace: &Workspace, runs: u32) -> Result<Vec<Row>, Failure> {
     std::fs::create_dir_all(&folder).map_err(Failure::file("make", &folder))?;
     let archive = folder.join("BessConsensus.fmu");
     let program = build(workspace, "controller")?;
-    let (libraries, file) = (workspace.release().display().to_string(), archive.display().to_string());
+    let (libraries, file) =
+        (workspace.plain_libraries().display().to_string(), archive.display().to_string());
     let name = "export of 10,000 agents against FMPy's reading";
     let load = "load of 10,000 agents against FMPy's";
     let python = match python::environment(workspace, "fmpy") {

@@ -17,6 +17,7 @@ use crate::{
     error::Failure,
     fmu,
     process::{cargo, run},
+    supply,
     workspace::Workspace,
 };
 use std::{
@@ -130,6 +131,7 @@ fn build(workspace: &Workspace, platform: Platform, toolchain: &Toolchain) -> Re
     // One call each, so that their features do not unify.
     for (package, _) in MODELS {
         let mut build = toolchain.build(workspace, platform);
+        supply::remapped(&mut build, workspace, Some(platform), None)?;
         run(build.args(["--package", package, "--target-dir"]).arg(&target))?;
     }
     Ok(Built::in_folder(platform, &target.join(platform.triple()).join("release")))
@@ -158,6 +160,7 @@ fn mock(
     built_in: &Path,
     name: &str,
 ) -> Result<(), Failure> {
+    supply::remapped(&mut build, workspace, Some(platform), None)?;
     build.args(["--lib", "--manifest-path", "tests/fixtures/mock_fmu/Cargo.toml", "--target-dir"]);
     run(build.arg(workspace.platforms().join("build")))?;
     let folder = workspace.platforms().join("mock").join(name);

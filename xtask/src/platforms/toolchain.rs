@@ -114,6 +114,10 @@ impl Toolchain {
             }
             None => build.arg(platform.triple()),
         };
+        // Not with Debian's, which resolves the standard library along and has no lock file for that.
+        if let Compiler::Ours = self.compiler {
+            build.arg("--locked");
+        }
         if let Compiler::Debians = self.compiler {
             build.env("CARGO", DEBIANS_CARGO).env("RUSTC", DEBIANS_RUSTC);
             // What rustup set for its own rustc.

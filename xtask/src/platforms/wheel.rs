@@ -5,6 +5,7 @@ use super::{CARRY_CFG, OLDEST_GLIBC, Platform, build_all, carry, toolchain};
 use crate::{
     error::Failure,
     process::{command, run},
+    supply,
     workspace::Workspace,
 };
 use std::path::PathBuf;
@@ -22,6 +23,8 @@ pub fn wheel(workspace: &Workspace) -> Result<PathBuf, Failure> {
     maturin.args(["--target", Platform::Linux64.triple(), "--out"]).arg(&folder);
     maturin.arg("--target-dir").arg(workspace.platforms().join("build"));
     maturin.arg("--").args(CARRY_CFG);
+    // With the flags that the libraries in this target folder were built with, or all is built anew.
+    supply::remapped(&mut maturin, workspace, Some(Platform::Linux64), None)?;
     maturin.env("BESS_CARRY", archive).env("PATH", toolchain::first_in_path(&tools));
     run(&mut maturin)?;
     only_wheel(&folder)

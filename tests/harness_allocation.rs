@@ -1,7 +1,7 @@
 #![cfg(feature = "host")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-//! What the master costs: no allocation in a step (counted), and time (measured on demand, in release:
-//! `cargo test --release --test harness_speed -- --ignored --nocapture`).
+//! A step of the master allocates nothing: allocations counted, with every kind of observer. What a run costs in time is
+//! measured by `cargo xtask bench`.
 
 mod harness_support;
 
@@ -9,7 +9,6 @@ use bess_consensus::harness::*;
 use harness_support::{MS, Mock, S};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, Instant};
 
 struct Counting;
 static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
@@ -80,52 +79,4 @@ fn a_step_allocates_nothing() {
             assert!(many <= few + spare, "observer {number}, {algorithm:?}: {few} then {many}");
         }
     }
-}
-
-const RUNS: usize = 10;
-
-/// CPU time of this process, s: on a busy machine the only fair clock.
-fn cpu_s() -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").unwrap();
-    let fields: Vec<&str> = stat.rsplit(')').next().unwrap().split_whitespace().collect();
-    (fields[11].parse::<f64>().unwrap() + fields[12].parse::<f64>().unwrap()) / 100.0
-}
-
-#[test]
-#[ignore = "a measurement"]
-fn what_a_step_costs() {
-    let folder = tempfile::tempdir().unwrap();
-    for algorithm in [Algorithm::Jacobi, Algorithm::GaussSeidel] {
-        for (name, is_recorded) in [("silent", false), ("recorded", true)] {
-            let cpu = cpu_s();
-            let times: Vec<(Duration, Duration)> = (0..RUNS)
-                .map(|_| {
-                    let (mut participants, connections) = case_1();
-                    let plan = Plan {
-                        stop_ns: 120 * S,
-                        step_ns: 10 * MS,
-                        algorithm,
-                        connections,
-                        ..Plan::default()
-                    };
-                    let mut recorder = Recorder::new(folder.path(), 1);
-                    let observer: &mut dyn Observer = if is_recorded { &mut recorder } else { &mut Silent };
-                    let begun = Instant::now();
-                    let outcome = run(&mut participants, &plan, observer).unwrap();
-                    let total = begun.elapsed();
-                    (total, total - outcome.stepping.iter().sum::<Duration>())
-                })
-                .collect();
-            let ms = |time: &Duration| time.as_secs_f64() * 1e3;
-            println!(
-                "{algorithm:?}, {name}: best {:.1} ms in all, best {:.1} ms without the participants' steps; CPU of \
-                 all threads {:.1} ms on average",
-                times.iter().map(|(total, _)| ms(total)).fold(f64::INFINITY, f64::min),
-                times.iter().map(|(_, own)| ms(own)).fold(f64::INFINITY, f64::min),
-                (cpu_s() - cpu) / RUNS as f64 * 1e3
-            );
-        }
-    }
-    let size = std::fs::metadata(folder.path().join("trajectory.csv")).unwrap().len();
-    println!("trajectory.csv: {:.1} MB", size as f64 / 1e6);
 }
