@@ -335,3 +335,33 @@ fn half_a_second_of_delay_with_losses_still_ends_in_consensus() {
         assert!(P < bar && omega < bar, "{P} {omega}");
     }
 }
+
+#[test]
+fn no_power_reference_leaves_its_ramp_when_links_end_and_come_back() {
+    const RATE: f64 = 0.05;
+    for exchange_fade_s in [0.0, 0.5, 2.0] {
+        for lost_link_fade_s in [None, Some(0.3)] {
+            let (mut coupled, _) = seven(|c| {
+                c.limits.P_set_rate = Some(vec![RATE; 7]);
+                (c.exchange_fade_s, c.lost_link_fade_s) = (exchange_fade_s, lost_link_fade_s);
+            });
+            let (mut fastest, mut carried) = (0.0_f64, 0.0_f64);
+            for k in 0..6000 {
+                let inputs = coupled.controller.inputs_mut();
+                inputs.topology = 1 + i32::from((1500..3500).contains(&k));
+                inputs.available[4] = !(2500..4500).contains(&k);
+                let before = coupled.controller.outputs().P_set.clone();
+                coupled.step(10_000_000);
+                let after = &coupled.controller.outputs().P_set;
+                for (before, after) in before.iter().zip(after) {
+                    fastest = fastest.max((after - before).abs() / 0.01);
+                }
+                let sum: f64 = after.iter().sum();
+                assert!(sum.abs() < 1e-12, "sum of P_set {sum:e} in step {k}");
+                carried = carried.max(after.iter().fold(0.0, |most, P| P.abs().max(most)));
+            }
+            assert!(carried > 0.2, "the exchange hardly moved: {carried}");
+            assert!(fastest <= RATE * (1.0 + 1e-9), "{fastest} pu/s with a fade of {exchange_fade_s} s");
+        }
+    }
+}

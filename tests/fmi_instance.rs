@@ -62,6 +62,8 @@ fn refused_sets_name_variable_value_and_expectation_and_change_nothing() {
         (&["u[1]", "u[2]"], &[5.0, f64::INFINITY], &["u[2]", "inf"]),
         (&["u[1]", "gain"], &[5.0, 0.0], &["gain", "= 0", "> 0"]),
         (&["u[1]", "gain"], &[5.0, -1.0], &["gain", "= -1", "> 0"]),
+        (&["u[1]", "u[2]"], &[5.0, 1e31], &["u[2]", "1e31", "at most 1e30"]),
+        (&["u[1]", "gain"], &[5.0, 5e-324], &["gain", "5e-324", "at least 1e-30"]),
         (&["u[1]", "x[1]"], &[5.0, 1.0], &["x[1]", "output"]),
         (&["u[1]", "tau"], &[5.0, 1.0], &["tau", "fixed parameter", "before initialization ends"]),
         (&["u[1]", "mode"], &[5.0, 1.0], &["mode", "Integer", "Real"]),

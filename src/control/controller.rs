@@ -71,6 +71,8 @@ pub(super) struct Scratch {
     pub owed: [Vec<f64>; 2],
     pub authority: Vec<Authority>,
     pub wave: Wave,
+    /// Ended links by agent.
+    pub ended: Vec<u32>,
     /// What agents tell, who tells nothing and who has stopped; empty without faults of messages.
     pub told: Signals,
     pub mute: Vec<bool>,
@@ -177,6 +179,7 @@ impl Controller {
             followed: vec![0.0; if bounded { n } else { 0 }],
             owed: std::array::from_fn(|_| vec![0.0; if fixed.limits.power { n } else { 0 }]),
             authority: vec![Authority::default(); if fixed.limits.power { n } else { 0 }],
+            ended: vec![0; n],
             told: Signals::new(faulty),
             mute: vec![false; faulty],
             frozen: vec![false; faulty],
@@ -367,6 +370,7 @@ impl Controller {
             fade: self.fade(h_ns),
             capacity: &parameters.capacity,
             P_max: &parameters.P_exchange_max,
+            ended: &self.scratch.ended,
             limits: &self.fixed.limits,
             no_circulation: self.fixed.no_circulation,
             late: Lateness::default(),

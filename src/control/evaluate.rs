@@ -7,7 +7,7 @@ use super::delay::Quantity;
 use super::diagnosis::{CHUNK, Diagnosis, Seen};
 use super::discretisation::{Flow, SignPower, boundary_layer};
 use super::estimator::estimates;
-use super::exchange::{HeldLink, setpoints};
+use super::exchange::{HeldLink, ramp, setpoints};
 use super::lag::{Lag, no_load};
 use super::network::{Hearing, Lateness};
 use super::protocol::{View, active_power, average_voltage, energy, frequency, reactive_power, voltage};
@@ -239,6 +239,7 @@ impl Controller {
 
     /// (11): the flows and P_set that a step of `h_s` would set, and u_E.
     fn exchange(&mut self, h_ns: i64) {
+        self.count_ended();
         let theta_s = self.exchange_layer(seconds(h_ns));
         let mut flows = std::mem::take(&mut self.scratch.flows);
         let mut saturated = std::mem::take(&mut self.state.outputs.saturated);
@@ -263,12 +264,29 @@ impl Controller {
         (self.scratch.flows, self.state.outputs.saturated, self.scratch.P_set) = (flows, saturated, P_set);
     }
 
+    /// How many ended links each agent has.
+    fn count_ended(&mut self) {
+        let ended = &mut self.scratch.ended;
+        ended.fill(0);
+        for link in &self.state.held {
+            for end in [link.a, link.b] {
+                ended[end as usize] += 1;
+            }
+        }
+    }
+
     /// What an ended link carries after a step of `h_ns`, pu.
     pub(super) fn carries(&self, link: &HeldLink, h_ns: i64) -> f64 {
-        if link.is_between_live(&self.topology.live) {
-            return link.flow * (1.0 - self.fade(h_ns));
-        }
-        self.fixed.lost_link_fade_s.map_or(link.flow, |fade_s| link.flow * (-seconds(h_ns) / fade_s).exp())
+        let faded = if link.is_between_live(&self.topology.live) {
+            link.flow * (1.0 - self.fade(h_ns))
+        } else {
+            let fade = |fade_s: f64| link.flow * (-seconds(h_ns) / fade_s).exp();
+            self.fixed.lost_link_fade_s.map_or(link.flow, fade)
+        };
+        let ends = [link.a as usize, link.b as usize];
+        let most = seconds(h_ns) * ramp(&self.network, &self.fixed.limits, &self.scratch.ended, ends);
+        let step = faded - link.flow;
+        if step.abs() > most { link.flow + most.copysign(step) } else { faded }
     }
 
     /// Spreads, errors and certified times, from the present signals.

@@ -28,6 +28,8 @@ pub struct Exchange<'a, S = f64> {
     pub P_max: &'a [f64],
     /// Share of the step's law in the flows, the rest being those of the last step: 1 but while they fade.
     pub fade: f64,
+    /// Number of ended links that may still carry something, by agent.
+    pub ended: &'a [u32],
     /// Limits of the BESS.
     pub limits: &'a LimitTable,
     /// Whether discharging must not become charging, nor charging discharging.
@@ -95,7 +97,7 @@ impl<S: Scalar> Exchange<'_, S> {
             limited[giver] |= wanted.value() > give.value();
             limited[taker] |= wanted.value() > take.value();
             let flow = wanted.min(give).min(take).copysign(d);
-            let rate = (self.limits.P_set_rate[a] / peers(a)).min(self.limits.P_set_rate[b] / peers(b));
+            let rate = ramp(network, self.limits, self.ended, [a, b]);
             let flow = if self.fade < 1.0 { c(last[e]) + c(self.fade) * (flow - c(last[e])) } else { flow };
             let step = rate * self.h_s;
             flows[e] =
@@ -115,6 +117,16 @@ impl<S: Scalar> Exchange<'_, S> {
         }
         most
     }
+}
+
+/// Share of a link in the ramps of the P_set of its two ends, pu/s: the ramp of an agent is that of all its links
+/// together, those that ended and still fade among them.
+pub fn ramp(network: &Network, limits: &LimitTable, ended: &[u32], ends: [usize; 2]) -> f64 {
+    let [a, b] = ends.map(|i| {
+        let links = network.graph.peers(i) + ended[i];
+        limits.P_set_rate[i] / f64::from(links)
+    });
+    a.min(b)
 }
 
 /// P_set_i = sum_j f_ij + what ended links still carry, pu, for the agents for which `write` holds; `carries`

@@ -84,7 +84,8 @@ impl Controller {
         let (state, scratch, live) = (&mut self.state, &mut self.scratch, &self.topology.live);
         state.fade_left_ns = (state.fade_left_ns - h_ns).max(0);
         if state.fade_left_ns == 0 {
-            state.held.retain(|link| !link.is_between_live(live));
+            // Where a ramp is slower than the fade, some still carry something.
+            state.held.retain(|link| link.flow != 0.0 || !link.is_between_live(live));
         }
         if state.parameters.voltage_policy == VoltagePolicy::Average {
             let mut after = std::mem::take(&mut scratch.transfers);

@@ -247,6 +247,7 @@ impl Controller {
             capacity: &parameters.capacity,
             P_max: &parameters.P_exchange_max,
             fade: self.fade(h_ns),
+            ended: &self.scratch.ended,
             limits: &self.fixed.limits,
             no_circulation: self.fixed.no_circulation,
             late,

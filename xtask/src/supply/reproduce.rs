@@ -46,8 +46,8 @@ pub fn remapped(
     }
     flags.extend(folders.iter().map(|folder| format!("--remap-path-prefix={}={CRATES}", folder.display())));
     if platform == Some(Platform::Win64) {
-        // GNU's linker writes the time of day into a library's header.
-        flags.push("-Clink-arg=-Wl,--no-insert-timestamp".to_owned());
+        // GNU's linker writes the time of day into a library's header, and an address made of the path it has.
+        flags.push("-Clink-arg=-Wl,--no-insert-timestamp,--disable-auto-image-base".to_owned());
     }
     build.env("CARGO_ENCODED_RUSTFLAGS", flags.join(separator));
     Ok(())
