@@ -7,7 +7,7 @@ mod control_support;
 
 use bess_consensus::control::communication;
 use bess_consensus::control::config::{Discretisation, Limits};
-use bess_consensus::control::{Config, Controller};
+use bess_consensus::control::{Config, Controller, Outputs};
 use control_support::*;
 
 /// A ring with chords, some of them long, and a few pins.
@@ -117,9 +117,48 @@ fn few_agents_and_many_at_all_exponents() {
     }
 }
 
+/// What each droop shows of the setpoints of the step before.
+fn measure_late(controller: &mut Controller, before: &Outputs, random: &mut Random) {
+    let (K_P, K_Q) = (controller.parameters().K_P.clone(), controller.parameters().K_Q.clone());
+    let inputs = controller.inputs_mut();
+    for i in 0..K_P.len() {
+        inputs.P[i] = random.within(0.0, 1.0);
+        inputs.Q[i] = random.within(-0.5, 0.5);
+        inputs.omega[i] = before.omega_set[i] - K_P[i] * (inputs.P[i] - before.P_set[i]);
+        inputs.V[i] = before.V_set[i] - K_Q[i] * (inputs.Q[i] - before.Q_set[i]);
+        inputs.E[i] = random.within(5.0, 10.0);
+    }
+    inputs.enable = true;
+}
+
+#[test]
+fn late_measurements() {
+    for n in [7, 300] {
+        let mut random = Random(n as u64);
+        let plain = config(n, &mut random);
+        let limits = Limits { omega_set_rate: Some(vec![1e300; n]), ..Limits::default() };
+        let mut swept = Controller::new(plain.clone()).unwrap();
+        let mut whole = Controller::new(Config { limits, ..plain }).unwrap();
+        let mut before = swept.outputs().clone();
+        for k in 0..12 {
+            let (mut again, mut once_more) = (Random(random.0), Random(random.0));
+            random.next();
+            measure_late(&mut swept, &before, &mut again);
+            measure_late(&mut whole, &before, &mut once_more);
+            before = swept.outputs().clone();
+            swept.step(k * 10_000_000, 10_000_000, &mut |_| {});
+            whole.step(k * 10_000_000, 10_000_000, &mut |_| {});
+            assert_eq!(swept.outputs(), whole.outputs(), "n = {n}, step {k}");
+        }
+        assert_eq!((swept.lags(), whole.lags()), ([1, 1], [1, 1]), "n = {n}: nothing was late");
+    }
+}
+
 #[test]
 fn the_bare_law() {
-    same_bits(300, 0.5, Discretisation::Explicit);
+    for n in [7, 8, 300] {
+        same_bits(n, 0.5, Discretisation::Explicit);
+    }
 }
 
 #[test]

@@ -5,7 +5,7 @@ mod fmi_mock;
 
 use bess_consensus::fmi::{
     Access, Causality, Dependencies, Group, Instance, Interface, Log, Logger, Model, ModelError, Phase,
-    Range, Registry, Step, Variability, model_description,
+    Range, Registry, Row, Step, Variability, model_description,
 };
 use fmi_mock::Mock;
 use std::path::Path;
@@ -224,6 +224,7 @@ fn output(name: &'static str, count: Option<usize>, dependencies: Dependencies<W
         access: Access::Real(|_, _| 0.0, None),
         range: Range::ANY,
         dependencies,
+        row: Row::NONE,
     }
 }
 

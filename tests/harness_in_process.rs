@@ -5,7 +5,7 @@
 mod harness_support;
 
 use bess_consensus::fmi::{
-    self, Access, Dependencies, Group, Instance, Log, Model, ModelError, Phase, Range, Step, Unit,
+    self, Access, Dependencies, Group, Instance, Log, Model, ModelError, Phase, Range, Row, Step, Unit,
 };
 use bess_consensus::harness::*;
 use harness_support::{MS, Mock, S};
@@ -46,6 +46,7 @@ fn group(
         access,
         range: Range::ANY,
         dependencies: Dependencies::None,
+        row: Row::NONE,
     }
 }
 

@@ -7,6 +7,7 @@ use super::delay::{History, QUANTITIES, Signals};
 use super::error::ConfigError;
 use super::event::Event;
 use super::exchange::Exchange;
+use super::few::FEW;
 use super::io::{Inputs, Outputs, Parameters};
 use super::lag::Lag;
 use super::limits::LimitTable;
@@ -303,7 +304,7 @@ impl Controller {
         self.adopt(events);
         let clock = self.state.clock;
         if self.is_plain() {
-            self.sweep(clock.step_ns, false);
+            self.look_around(clock.step_ns, false);
         } else {
             self.evaluate(clock.now_ns, clock.step_ns);
         }
@@ -318,13 +319,18 @@ impl Controller {
         }
         self.adopt(events);
         if self.is_plain() {
-            self.sweep(duration_ns, true);
+            self.look_around(duration_ns, true);
             self.pass(start_ns, duration_ns);
         } else {
             self.fade_in_who_is_back(start_ns);
             self.evaluate(start_ns, duration_ns);
             self.advance(start_ns, duration_ns);
         }
+    }
+
+    /// The plain way, for few or for many.
+    fn look_around(&mut self, h_ns: i64, moves: bool) {
+        if self.agents() <= FEW { self.visit_few(h_ns, moves) } else { self.sweep(h_ns, moves) }
     }
 
     /// The state, to be kept for a rollback.

@@ -31,7 +31,8 @@ const EXPLAINED: f64 = 1e-3;
 const ROUNDINGS: f64 = 4096.0;
 
 /// Agents whose evidence is summed apart, so that it can be summed side by side.
-const LANES: usize = 8;
+pub(super) const LANES: usize = 8;
+const HALF: usize = LANES / 2;
 /// Agents that give evidence, about. The lag is the master's and so common to all: of more agents, those of some
 /// stretches do, spread evenly.
 const WITNESSES: usize = 8192;
@@ -76,6 +77,47 @@ impl Tally {
             }
             self.weight[lane] += counts;
         }
+    }
+}
+
+/// At most as many values as there are lanes. From four on two halves that overlap, because a copy of a length that
+/// nobody knows would be a call.
+#[inline(always)]
+pub(super) fn load_few(values: &[f64]) -> [f64; LANES] {
+    let mut lanes = [0.0; LANES];
+    let n = values.len().min(LANES);
+    if let (Some(first), Some(last)) = (values.first_chunk::<HALF>(), values.last_chunk::<HALF>())
+        && let Some(end) = lanes.get_mut(n - HALF..n)
+    {
+        end.copy_from_slice(last);
+        lanes[..HALF].copy_from_slice(first);
+    } else {
+        for lane in 0..HALF {
+            if let Some(&value) = values.get(lane) {
+                lanes[lane] = value;
+            }
+        }
+    }
+    lanes
+}
+
+/// The other way.
+#[inline(always)]
+fn store_few(lanes: &[f64; LANES], values: &mut [f64]) {
+    let n = values.len().min(LANES);
+    if n < HALF {
+        for lane in 0..HALF {
+            if let Some(value) = values.get_mut(lane) {
+                *value = lanes[lane];
+            }
+        }
+        return;
+    }
+    if let (Some(end), Some(last)) = (lanes.get(n - HALF..n), values.last_chunk_mut::<HALF>()) {
+        last.copy_from_slice(end);
+    }
+    if let Some(first) = values.first_chunk_mut::<HALF>() {
+        first.copy_from_slice(&lanes[..HALF]);
     }
 }
 
@@ -236,11 +278,27 @@ impl Lag {
         }
     }
 
+    /// As [`Self::observe`] for as many agents as go side by side; `counted`, y and sigma are filled up to their
+    /// number.
+    #[inline(always)]
+    pub(super) fn observe_few(&mut self, counted: &[bool; LANES], y: &[f64; LANES], sigma: &[f64; LANES]) {
+        let mut tally = Tally::default();
+        let [past_0, past_1, past_2, past_3] = &mut self.past;
+        let pasts = [*sigma, load_few(past_0), load_few(past_1), load_few(past_2), load_few(past_3)];
+        tally.take(counted, y, &load_few(&self.last), &pasts);
+        store_few(y, &mut self.last);
+        store_few(sigma, past_3);
+        self.conclude(tally);
+    }
+
     /// Draws the conclusion when all agents are noted.
     pub(super) fn conclude(&mut self, tally: Tally) {
         let missed = tally.missed.map(|lanes| lanes.iter().sum::<f64>());
         let weight: f64 = tally.weight.iter().sum();
-        self.past.rotate_right(1);
+        // As rotate_right(1), which would be a call.
+        for k in (1..CANDIDATES).rev() {
+            self.past.swap(k - 1, k);
+        }
         if weight == 0.0 {
             return;
         }

@@ -10,6 +10,7 @@
 //! | `graph`, `clustering`, `topology`, `network` | who talks to whom, from distances to the hot path's arrays |
 //! | `protocol`, `discretisation`, `exchange`, `estimator` | the laws (9)-(13), one function per equation |
 //! | `sweep`, `wave`, `power`, `diagnosis`, `order` | the same for many agents at once, in vector code |
+//! | `few` | the same for a handful of agents |
 //! | `delay`, `lag` | what agents know of each other, how late that is |
 //! | `told`, `outlier` | wrong messages, and the option that sorts outliers out |
 //! | `limits`, `authority`, `relay`, `saturation` | what they can do, and what becomes of what they cannot |
@@ -36,6 +37,7 @@ pub mod estimator;
 mod evaluate;
 pub mod event;
 pub mod exchange;
+mod few;
 pub mod graph;
 pub mod io;
 mod kernels;

@@ -22,6 +22,12 @@ impl Order {
         self.position.get(i).map_or(i, |&p| p as usize)
     }
 
+    /// Whether every agent is at the place of its number.
+    #[inline]
+    pub fn is_as_given(&self) -> bool {
+        self.agent.is_empty()
+    }
+
     /// The agent at place `p`, both from 0.
     #[inline]
     pub fn agent(&self, p: usize) -> usize {

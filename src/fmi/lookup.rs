@@ -6,6 +6,7 @@
 use super::model::Model;
 use super::registry::{Access, Causality, Group, Variability};
 use std::fmt::{self, Write};
+use std::ops::Range;
 
 /// How the same variables are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -230,6 +231,37 @@ pub(super) struct Run<'a, M> {
     /// Value reference of the group's first variable.
     pub first: u32,
     pub references: &'a [u32],
+    /// Position of the first of them in the whole array.
+    pub position: usize,
+    /// Whether each is one more than that before.
+    is_straight: bool,
+}
+
+impl<M> Run<'_, M> {
+    /// The values of these variables out of those of the whole array.
+    #[inline]
+    pub fn values<'v>(&self, values: &'v [f64]) -> &'v [f64] {
+        values.get(self.position..self.position + self.references.len()).unwrap_or_default()
+    }
+
+    /// The same to be written.
+    #[inline]
+    pub fn values_mut<'v>(&self, values: &'v mut [f64]) -> &'v mut [f64] {
+        values.get_mut(self.position..self.position + self.references.len()).unwrap_or_default()
+    }
+
+    /// 0-based indices within the group.
+    #[inline]
+    pub fn indices(&self) -> impl Iterator<Item = usize> {
+        self.references.iter().map(|reference| reference.wrapping_sub(self.first) as usize)
+    }
+
+    /// The indices as a range, where each is one more than that before.
+    #[inline]
+    pub fn range(&self) -> Option<Range<usize>> {
+        let from = self.references.first()?.wrapping_sub(self.first) as usize;
+        self.is_straight.then(|| from..from + self.references.len())
+    }
 }
 
 /// See [`Registry::runs`].
@@ -252,10 +284,17 @@ impl<'a, M: Model> Iterator for Runs<'a, M> {
             return Some(Err(position));
         };
         let first = head.wrapping_sub(index as u32);
-        let belongs = |reference: &&u32| (reference.wrapping_sub(first) as usize) < group.len();
-        let length = rest.iter().take_while(belongs).count();
+        // Mostly they count up, which is found out with one comparison for each.
+        let room = rest.get(..rest.len().min(group.len().saturating_sub(index))).unwrap_or_default();
+        let mut length = room.iter().zip(head..).take_while(|(found, next)| **found == *next).count();
+        let is_straight = length > 1 || rest.len() == 1;
+        if !is_straight {
+            let belongs = |reference: &&u32| (reference.wrapping_sub(first) as usize) < group.len();
+            length = rest.iter().take_while(belongs).count();
+        }
+        let position = self.position;
         self.position += length;
-        rest.get(..length).map(|references| Ok(Run { group, first, references }))
+        rest.get(..length).map(|references| Ok(Run { group, first, references, position, is_straight }))
     }
 }
 

@@ -32,5 +32,5 @@ pub use instance::Instance;
 pub use logging::{Category, Logger, Sink};
 pub use lookup::{Interface, Registry, Type};
 pub use model::{Along, Log, LogLevel, Model, ModelError, Phase, Plane, Step};
-pub use registry::{Access, Causality, Dependencies, Group, Range, Unit, Variability};
+pub use registry::{Access, Causality, Dependencies, Group, Range, Row, Unit, Variability};
 pub use state::Snapshot;

@@ -41,7 +41,8 @@ pub trait Model: Clone + Send + 'static {
 
     /// Brings everything that can be read in line with the inputs and parameters set so far.
     /// Called before reads after a set or a step, and when initialisation ends ([`Phase::Initialization`]: find
-    /// the initial state; [`Phase::Step`]: only what follows inputs at once).
+    /// the initial state; [`Phase::Step`]: only what follows inputs at once; not called for outputs that declare
+    /// no dependencies, which a step leaves as they are read).
     fn refresh(&mut self, phase: Phase, log: &mut dyn Log) -> Result<(), ModelError>;
 
     /// Advances by one communication step with the inputs held; allocates nothing.

@@ -25,6 +25,22 @@ pub struct Group<M> {
     pub range: Range,
     /// For outputs: the inputs that they follow within a step.
     pub dependencies: Dependencies<M>,
+    /// For Reals: where they stand one after the other, so that a call moves them together.
+    pub row: Row<M>,
+}
+
+/// The values of a whole group in their order, where the model keeps them so; else `None`, and the functions of
+/// [`Access`] do it one by one.
+pub struct Row<M> {
+    /// To be read.
+    pub get: fn(&M) -> Option<&[f64]>,
+    /// To be set.
+    pub set: fn(&mut M) -> Option<&mut [f64]>,
+}
+
+impl<M> Row<M> {
+    /// Not kept so.
+    pub const NONE: Row<M> = Row { get: |_| None, set: |_| None };
 }
 
 /// Read and set functions; the index counts from 0 within the group (0 for a scalar).

@@ -6,15 +6,21 @@ use super::error::Error;
 use super::instance::Instance;
 use super::lookup::{Run, Type};
 use super::model::Model;
-use super::registry::{Access, Causality, Group, Variability};
+use super::registry::{Access, Causality, Dependencies, Group, Variability};
 
 impl<M: Model> Instance<M> {
     /// fmi2GetReal.
     pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), Error> {
         self.prepare_get(Function::GetReal, Type::Real, references, values.len())?;
-        let mut values = values.iter_mut();
-        for Run { group, first, references } in self.registry.runs(references).flatten() {
-            let places = references.iter().map(|r| r.wrapping_sub(first) as usize).zip(&mut values);
+        for run in self.registry.runs(references).flatten() {
+            let (group, values) = (run.group, run.values_mut(values));
+            if let (Some(range), Some(row)) = (run.range(), (group.row.get)(&self.model))
+                && let Some(row) = row.get(range)
+            {
+                values.copy_from_slice(row);
+                continue;
+            }
+            let places = run.indices().zip(values);
             match group.access {
                 Access::Real(get, _) => places.for_each(|(i, v)| *v = get(&self.model, i)),
                 Access::Integer(get, _) => places.for_each(|(i, v)| *v = f64::from(get(&self.model, i))),
@@ -55,9 +61,13 @@ impl<M: Model> Instance<M> {
     /// fmi2SetReal.
     pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> Result<(), Error> {
         let function = Function::SetReal;
-        self.check_set(function, Type::Real, references, values.len())?;
-        for (reference, value) in references.iter().zip(values) {
-            if let Some((group, _)) = self.registry.locate(*reference) {
+        self.check_set_and(function, Type::Real, references, values.len(), |run| {
+            let (group, values) = (run.group, run.values(values));
+            let accepted = |value: &f64| group.range.contains(*value);
+            if matches!(group.access, Access::Real(..)) && values.iter().all(accepted) {
+                return Ok(());
+            }
+            for (reference, value) in run.references.iter().zip(values) {
                 let accepted = match group.access {
                     Access::Real(..) => group.range.contains(*value),
                     Access::Integer(..) => {
@@ -67,18 +77,23 @@ impl<M: Model> Instance<M> {
                 };
                 self.check_value(function, *reference, group, *value, accepted)?;
             }
-        }
-        for (reference, value) in references.iter().zip(values) {
-            match self.registry.locate(*reference) {
-                Some((&Group { access: Access::Real(_, Some(set)), .. }, index)) => {
-                    set(&mut self.model, index, *value);
+            Ok(())
+        })?;
+        for run in self.registry.runs(references).flatten() {
+            let (group, values) = (run.group, run.values(values));
+            if let (Some(range), Some(row)) = (run.range(), (group.row.set)(&mut self.model))
+                && let Some(row) = row.get_mut(range)
+            {
+                row.copy_from_slice(values);
+                continue;
+            }
+            let (model, places) = (&mut self.model, run.indices().zip(values));
+            match group.access {
+                Access::Real(_, Some(set)) => places.for_each(|(i, v)| set(model, i, *v)),
+                Access::Integer(_, Some(set)) => {
+                    places.for_each(|(i, v)| set(model, i, to_integer(*v).unwrap_or_default()));
                 }
-                Some((&Group { access: Access::Integer(_, Some(set)), .. }, index)) => {
-                    set(&mut self.model, index, to_integer(*value).unwrap_or_default());
-                }
-                Some((&Group { access: Access::Boolean(_, Some(set)), .. }, index)) => {
-                    set(&mut self.model, index, *value >= 0.5);
-                }
+                Access::Boolean(_, Some(set)) => places.for_each(|(i, v)| set(model, i, *v >= 0.5)),
                 _ => {}
             }
         }
@@ -138,7 +153,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Checks a get and, where an output is asked for after a set, brings the outputs in line.
+    /// Checks a get and, where an output that follows inputs is asked for after a set or a step, brings the outputs
+    /// in line. A state or a sampled output is what the last step left, once there was an initialisation.
     fn prepare_get(
         &mut self,
         function: Function,
@@ -146,12 +162,13 @@ impl<M: Model> Instance<M> {
         references: &[u32],
         values: usize,
     ) -> Result<(), Error> {
-        let mut has_output = false;
+        let (mut follows, initialized) = (false, self.life.initialized);
         self.check_call(function, expected, references, values, |run| {
-            has_output |= run.group.causality == Causality::Output;
+            let is_held = initialized && matches!(run.group.dependencies, Dependencies::None);
+            follows |= run.group.causality == Causality::Output && !is_held;
             Ok(())
         })?;
-        if has_output && self.life.stale { self.bring_in_line(function) } else { Ok(()) }
+        if follows && self.life.stale { self.bring_in_line(function) } else { Ok(()) }
     }
 
     /// Checks everything about a set but the values.
@@ -162,6 +179,19 @@ impl<M: Model> Instance<M> {
         references: &[u32],
         values: usize,
     ) -> Result<(), Error> {
+        self.check_set_and(function, expected, references, values, |_| Ok(()))
+    }
+
+    /// The same, and each run by `check`.
+    #[inline]
+    fn check_set_and(
+        &self,
+        function: Function,
+        expected: Type,
+        references: &[u32],
+        values: usize,
+        check: impl Fn(&Run<'_, M>) -> Result<(), Error>,
+    ) -> Result<(), Error> {
         let before_steps = matches!(self.life.state, State::Instantiated | State::Initialization);
         self.check_call(function, expected, references, values, |run| {
             let reason = match (run.group.causality, run.group.variability) {
@@ -169,7 +199,7 @@ impl<M: Model> Instance<M> {
                 (Causality::Parameter, Variability::Fixed) if !before_steps => {
                     "it is a fixed parameter; expected to be set before initialization ends"
                 }
-                _ => return Ok(()),
+                _ => return check(run),
             };
             Err(Error::NotSettable { function, name: self.name_of(run.references), reason })
         })

@@ -1,6 +1,6 @@
 //! Short spellings for the groups of both models, so that a list of variables reads as a list.
 
-use crate::fmi::{Access, Causality, Dependencies, Group, Range, Unit, Variability};
+use crate::fmi::{Access, Causality, Dependencies, Group, Range, Row, Unit, Variability};
 
 type Get<M, T> = fn(&M, usize) -> T;
 type Set<M, T> = fn(&mut M, usize, T);
@@ -27,6 +27,7 @@ pub fn group<M>(
         access,
         range: Range::ANY,
         dependencies: Dependencies::None,
+        row: Row::NONE,
     }
 }
 
@@ -76,6 +77,9 @@ pub trait GroupExt<M> {
     /// May be set between steps.
     #[cfg(feature = "controller")]
     fn tunable(self) -> Self;
+    /// Read, and where it is an input set, together.
+    #[cfg(feature = "controller")]
+    fn in_row(self, get: fn(&M) -> Option<&[f64]>, set: fn(&mut M) -> Option<&mut [f64]>) -> Self;
     /// Follows these within a step.
     fn follows(self, dependencies: Dependencies<M>) -> Self;
 }
@@ -93,6 +97,10 @@ impl<M> GroupExt<M> for Group<M> {
     #[cfg(feature = "controller")]
     fn tunable(self) -> Self {
         Self { variability: Variability::Tunable, ..self }
+    }
+    #[cfg(feature = "controller")]
+    fn in_row(self, get: fn(&M) -> Option<&[f64]>, set: fn(&mut M) -> Option<&mut [f64]>) -> Self {
+        Self { row: Row { get, set }, ..self }
     }
     fn follows(self, dependencies: Dependencies<M>) -> Self {
         Self { dependencies, ..self }

@@ -5,7 +5,7 @@
 
 use bess_consensus::fmi::{
     Access, Along, Causality, Dependencies, Group, Log, LogLevel, Model, ModelError, Phase, Plane, Range,
-    Step, Unit, Variability,
+    Row, Step, Unit, Variability,
 };
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -91,6 +91,7 @@ impl Model for Mock {
             access,
             range: Range::ANY,
             dependencies: Dependencies::None,
+            row: Row::NONE,
         };
         use Causality::{Input, Output, Parameter};
         use Variability::{Continuous, Discrete, Fixed, Tunable};

@@ -56,6 +56,18 @@ impl Controller {
         self.order.at(i)
     }
 
+    /// Itself where agents stand inside as they are numbered outside.
+    #[inline]
+    fn ordered(&self) -> Option<&Self> {
+        self.order.is_as_given().then_some(self)
+    }
+
+    /// The same to be changed.
+    #[inline]
+    fn ordered_mut(&mut self) -> Option<&mut Self> {
+        if self.order.is_as_given() { Some(self) } else { None }
+    }
+
     fn inputs(&self) -> &Inputs {
         self.planes.get(control::Controller::inputs, |d| &d.inputs)
     }

@@ -76,6 +76,7 @@ fn inputs(n: usize, topologies: usize) -> Vec<Group<Controller>> {
             },
         )
         .each(n)
+        .in_row(|m| Some(&m.ordered()?.inputs().P), |m| Some(&mut m.ordered_mut()?.inputs_mut().P))
         .unit(Unit::PerUnit),
         input(
             "Q",
@@ -87,6 +88,7 @@ fn inputs(n: usize, topologies: usize) -> Vec<Group<Controller>> {
             },
         )
         .each(n)
+        .in_row(|m| Some(&m.ordered()?.inputs().Q), |m| Some(&mut m.ordered_mut()?.inputs_mut().Q))
         .unit(Unit::PerUnit),
         input(
             "V",
@@ -98,6 +100,7 @@ fn inputs(n: usize, topologies: usize) -> Vec<Group<Controller>> {
             },
         )
         .each(n)
+        .in_row(|m| Some(&m.ordered()?.inputs().V), |m| Some(&mut m.ordered_mut()?.inputs_mut().V))
         .unit(Unit::PerUnit),
         input(
             "omega",
@@ -109,6 +112,7 @@ fn inputs(n: usize, topologies: usize) -> Vec<Group<Controller>> {
             },
         )
         .each(n)
+        .in_row(|m| Some(&m.ordered()?.inputs().omega), |m| Some(&mut m.ordered_mut()?.inputs_mut().omega))
         .unit(Unit::PerUnit),
         input(
             "E",
@@ -120,6 +124,7 @@ fn inputs(n: usize, topologies: usize) -> Vec<Group<Controller>> {
             },
         )
         .each(n)
+        .in_row(|m| Some(&m.ordered()?.inputs().E), |m| Some(&mut m.ordered_mut()?.inputs_mut().E))
         .unit(Unit::PerUnitHour),
         input(
             "omega_ref",
@@ -192,12 +197,16 @@ fn setpoints(n: usize) -> Vec<Group<Controller>> {
     vec![
         output("omega_set", "Frequency setpoint of the droop", |m: &Controller, i| {
             m.outputs().omega_set[m.at(i)]
-        }),
-        output("V_set", "Voltage setpoint of the droop", |m: &Controller, i| m.outputs().V_set[m.at(i)]),
+        })
+        .in_row(|m| Some(&m.ordered()?.outputs().omega_set), |_| None),
+        output("V_set", "Voltage setpoint of the droop", |m: &Controller, i| m.outputs().V_set[m.at(i)])
+            .in_row(|m| Some(&m.ordered()?.outputs().V_set), |_| None),
         output("P_set", "Active power reference: the energy exchange", |m: &Controller, i| {
             m.outputs().P_set[m.at(i)]
-        }),
-        output("Q_set", "Reactive power reference", |m: &Controller, i| m.outputs().Q_set[m.at(i)]),
+        })
+        .in_row(|m| Some(&m.ordered()?.outputs().P_set), |_| None),
+        output("Q_set", "Reactive power reference", |m: &Controller, i| m.outputs().Q_set[m.at(i)])
+            .in_row(|m| Some(&m.ordered()?.outputs().Q_set), |_| None),
     ]
     .into_iter()
     .map(|g| g.each(n).unit(Unit::PerUnit))
