@@ -17,7 +17,7 @@ impl Address {
     /// The options of a federate's core.
     pub fn core_options(&self) -> String {
         let where_to = match &*self.core {
-            "ipc" => format!("--broker={}", self.host),
+            "ipc" => format!("--broker_address={}", self.host),
             _ => format!("--broker_address={} --brokerport={}", self.host, self.port),
         };
         format!("--federates=1 {where_to} {}", self.options)

@@ -101,7 +101,7 @@ impl Watched<'_> {
         };
         let name = args.broker_name(port);
         let place = match args.core {
-            Core::Ipc => String::new(),
+            Core::Ipc => format!(" --local_interface={name}"),
             _ => format!(" --port={port} --local_interface={}", args.listen),
         };
         let options = format!("-f{federates} --dynamic --loglevel=error{place}");
