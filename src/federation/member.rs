@@ -29,7 +29,7 @@ impl Federation {
         if plan.algorithm != Algorithm::Jacobi {
             return Err(FederationError::Algorithm);
         }
-        let topics = topics(&participants, &plan.connections, form);
+        let topics = topics(&participants, &plan.connections, (form, GRID));
         Ok(Self { participants, plan, topics })
     }
 

@@ -69,6 +69,8 @@ pub struct Others {
     /// Whether silence means anything yet.
     has_heard: bool,
     is_heard: Vec<bool>,
+    /// Whether a call has failed: there is nobody to tell anything.
+    is_broken: bool,
     states: BTreeMap<u64, Own>,
     next_state: u64,
     warnings: Vec<String>,
@@ -138,6 +140,7 @@ impl Others {
             is_current: false,
             has_heard: false,
             is_heard: vec![false; count],
+            is_broken: false,
             states: BTreeMap::new(),
             next_state: 0,
             warnings: Vec::new(),
@@ -292,6 +295,7 @@ impl Participant for Others {
 
     fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), CallError> {
         let met = if self.is_initialising { self.exchange_before_start() } else { self.meet() };
+        self.is_broken |= met.is_err();
         met.map_err(refused)?;
         for (value, reference) in values.iter_mut().zip(references) {
             let heard = self.own.heard.get(*reference as usize);
@@ -326,10 +330,12 @@ impl Participant for Others {
     }
 
     fn do_step(&mut self, t_ns: i64, h_ns: i64) -> Result<(), CallError> {
-        self.meet().map_err(refused)?;
-        if self.turn == Turn::Plant {
-            self.session.publish(&self.own.told).map_err(refused)?;
-        }
+        let told = self.meet().and_then(|()| match self.turn {
+            Turn::Plant => self.session.publish(&self.own.told),
+            Turn::Controller => Ok(()),
+        });
+        self.is_broken |= told.is_err();
+        told.map_err(refused)?;
         self.own.now_ns = t_ns.saturating_add(h_ns);
         self.is_current = false;
         Ok(())
@@ -337,7 +343,7 @@ impl Participant for Others {
 
     fn terminate(&mut self) -> Result<(), CallError> {
         // The controllers still want the measurements of the last communication point.
-        if self.turn == Turn::Plant && self.has_started {
+        if self.turn == Turn::Plant && self.has_started && !self.is_broken {
             self.session.publish(&self.own.told).map_err(refused)?;
         }
         self.session.leave().map_err(refused)

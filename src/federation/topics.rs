@@ -4,15 +4,20 @@
 use crate::harness::{Connection, Participant};
 use std::collections::BTreeMap;
 
-/// Whether arrays travel as one vector for each receiver, or each element as a number of its own.
+/// What becomes a topic of its own between the grid and a controller. Among each other controllers always tell all in one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Form {
-    /// `grid/controller/P`, a vector in the order of the receiver's inputs.
+    /// `grid/controller/P`: each array, a vector in the order of the receiver's inputs.
     #[default]
     Vectors,
-    /// `grid/P/1`, a double for every element.
+    /// `grid/P/1`: each element, a double.
     Doubles,
+    /// `grid/controller/all`: everything, one vector. The fewest messages.
+    Packed,
 }
+
+/// Quantity of a topic that holds everything.
+const ALL: &str = "all";
 
 /// What one federate tells another at every communication point.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,14 +38,20 @@ pub struct Topic {
     pub is_double: bool,
 }
 
-/// All topics of a federation, sorted by sender, receiver and quantity.
-pub fn topics(participants: &[Box<dyn Participant>], connections: &[Connection], form: Form) -> Vec<Topic> {
+/// All topics of a federation, sorted by sender, receiver and quantity; `plant` is the participant to which `form` applies.
+pub fn topics(
+    participants: &[Box<dyn Participant>],
+    connections: &[Connection],
+    (form, plant): (Form, &str),
+) -> Vec<Topic> {
     let mut topics: BTreeMap<(String, String, String, usize), Topic> = BTreeMap::new();
     let between = connections.iter().filter(|c| c.from.participant != c.to.participant);
     for connection in between {
         let (from, to) = (&connection.from.participant, &connection.to.participant);
         let variable = &connection.from.variable;
-        let quantity = variable.split('[').next().unwrap_or(variable);
+        let form = if from == plant || to == plant { form } else { Form::Packed };
+        let array = variable.split('[').next().unwrap_or(variable);
+        let quantity = if form == Form::Packed { ALL } else { array };
         let path = path_of(variable);
         let order = if form == Form::Doubles { index_of(variable) } else { 0 };
         let key = (from.clone(), to.clone(), quantity.to_owned(), order);
@@ -48,15 +59,16 @@ pub fn topics(participants: &[Box<dyn Participant>], connections: &[Connection],
             let declared = participants.iter().filter(|p| p.name() == from).flat_map(|p| p.variables());
             let unit = declared.into_iter().find(|v| v.name == *variable).and_then(|v| v.unit.clone());
             let is_double = form == Form::Doubles || quantity == variable;
-            let publication = match form {
-                Form::Vectors => format!("{from}/{to}/{quantity}"),
-                Form::Doubles => format!("{from}/{path}"),
+            let (publication, heard) = match form {
+                Form::Vectors | Form::Packed => (format!("{from}/{to}/{quantity}"), quantity),
+                Form::Doubles => (format!("{from}/{path}"), path.as_str()),
             };
+            let unit = unit.filter(|_| form != Form::Packed);
             Topic {
                 from: from.clone(),
                 to: to.clone(),
                 publication,
-                input: format!("{to}/from/{from}/{}", if form == Form::Doubles { &path } else { quantity }),
+                input: format!("{to}/from/{from}/{heard}"),
                 unit: unit.unwrap_or_default(),
                 variables: Vec::new(),
                 is_double,
@@ -131,14 +143,31 @@ mod tests {
             connection(("cluster1", "omega_set[1]"), ("grid", "omega_set[2]")),
             connection(("cluster1", "a"), ("cluster1", "b")),
         ];
-        let found = topics(&[], &connections, Form::Vectors);
+        let found = topics(&[], &connections, (Form::Vectors, "grid"));
         let names: Vec<&str> = found.iter().map(|topic| topic.publication.as_str()).collect();
         assert_eq!(names, ["cluster1/grid/omega_set", "grid/cluster1/P", "grid/cluster2/P"]);
         assert_eq!(found[1].variables, ["P[2]", "P[1]"]);
         assert_eq!(found[1].input, "cluster1/from/grid/P");
-        let found = topics(&[], &connections, Form::Doubles);
+        let found = topics(&[], &connections, (Form::Doubles, "grid"));
         let names: Vec<&str> = found.iter().map(|topic| topic.publication.as_str()).collect();
         assert_eq!(names, ["cluster1/omega_set/1", "grid/P/1", "grid/P/2", "grid/P/3"]);
         assert!(found.iter().all(|topic| topic.is_double && topic.variables.len() == 1));
+        let found = topics(&[], &connections, (Form::Packed, "grid"));
+        let names: Vec<&str> = found.iter().map(|topic| topic.publication.as_str()).collect();
+        assert_eq!(names, ["cluster1/grid/all", "grid/cluster1/all", "grid/cluster2/all"]);
+    }
+
+    #[test]
+    fn controllers_tell_each_other_everything_at_once() {
+        let connections = [
+            connection(("cluster1", "local_p[1]"), ("cluster2", "remote_p[1]")),
+            connection(("cluster1", "local_omega[1]"), ("cluster2", "remote_omega[1]")),
+        ];
+        for form in [Form::Vectors, Form::Doubles, Form::Packed] {
+            let found = topics(&[], &connections, (form, "grid"));
+            assert_eq!(found.len(), 1);
+            assert_eq!(found[0].publication, "cluster1/cluster2/all");
+            assert_eq!(found[0].variables, ["local_p[1]", "local_omega[1]"]);
+        }
     }
 }

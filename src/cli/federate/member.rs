@@ -7,10 +7,13 @@ use crate::federation::Federation;
 use crate::harness::{Checkpoint, FanOut, Keeping, Memory, Observer, Progress, Recorder, run_from};
 use crate::scenario::Resolved;
 use miette::IntoDiagnostic;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// What a child prints before the time it has reached, s, and its share of the run.
 pub const PROGRESS: &str = "at";
+
+/// What a child prints at the end before the wall time from the first communication point to the last, s.
+pub const TOOK: &str = "took";
 
 /// Runs it to the end of the scenario.
 pub fn run(
@@ -43,7 +46,10 @@ pub fn run(
         (Box::new(Recorder::new(&folder, 1)), None)
     };
     let is_child = args.child;
-    let mut progress = Progress::new(Duration::from_millis(100), move |t_s, share| {
+    let mut span: Option<(Instant, Instant)> = None;
+    let mut progress = Progress::new(Duration::from_millis(100), |t_s, share| {
+        let now = Instant::now();
+        span = Some((span.map_or(now, |(first, _)| first), now));
         if is_child {
             // Whoever started this one may be gone; the watch sees to that.
             let _ = print(&format!("{PROGRESS} {t_s} {share}\n"));
@@ -53,6 +59,9 @@ pub fn run(
     let from = found.as_ref().map(|found| &found.position);
     let (outcome, result) = run_from(&mut participants, &plan, &mut observers, from);
     drop(participants);
+    if let (true, Some((first, last))) = (is_child, span) {
+        let _ = print(&format!("{TOOK} {}\n", (last - first).as_secs_f64()));
+    }
     for warning in &outcome.warnings {
         eprintln!("warning: {warning}");
     }

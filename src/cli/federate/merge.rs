@@ -30,7 +30,7 @@ pub fn conclude(
     resolved: &Resolved,
     federation: &Federation,
     remains: &Remains<'_>,
-    ended: Ended,
+    ended: &Ended,
 ) -> Result<(), Failure> {
     let tables: Vec<Table> =
         remains.names.iter().map(|name| Table::read(&remains.folder.join(name))).collect::<Result<_, _>>()?;
@@ -38,8 +38,11 @@ pub fn conclude(
     let plan = federation.plan();
     let reached_ns = merged.times_ns.last().copied().unwrap_or(plan.start_ns);
     let is_whole = reached_ns >= plan.stop_ns;
-    let mut reasons: Vec<String> = ended.broken.iter().cloned().collect();
-    reasons.extend(ended.died.iter().map(|(name, how)| format!("{name} ended early ({how})")));
+    let early = ended.died.iter().map(|(name, how)| format!("{name} ended early ({how})"));
+    let reasons: Vec<String> = match &ended.broken {
+        Some(reason) => vec![reason.clone()],
+        None => early.collect(),
+    };
     // Who died may have come back, by whomever it was started.
     let is_back = |name: &str| remains.folder.join(name).join(WHOLE).is_file();
     let lost = ended.died.iter().any(|(name, _)| !is_back(name));

@@ -49,6 +49,18 @@ impl Core {
     }
 }
 
+/// How the values between grid and controllers are published.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Publish {
+    /// One vector for every array: grid/controller/P
+    #[default]
+    Vectors,
+    /// One number for every element: grid/P/1
+    Doubles,
+    /// One vector for everything: grid/controller/all, the fewest messages
+    Packed,
+}
+
 /// The command line of `bess federate`.
 #[derive(Args, Clone)]
 #[command(after_help = "Examples:
@@ -87,9 +99,9 @@ pub struct FederateArgs {
     /// Leave a federate to somebody else (repeatable)
     #[arg(long, value_name = "NAME", conflicts_with = "federate")]
     without: Vec<String>,
-    /// One number for every element (grid/P/1) instead of one vector for every array
-    #[arg(long)]
-    doubles: bool,
+    /// How the values between grid and controllers are published
+    #[arg(long, value_enum, default_value_t)]
+    publish: Publish,
     /// FMU in the controller's place [default: control.fmu, or the built-in model]
     #[arg(long, value_name = "FMU")]
     controller: Option<PathBuf>,
@@ -143,7 +155,11 @@ impl FederateArgs {
         let cast =
             Cast { controller: of(&self.controller, named.controller), grid: of(&self.grid, named.grid) };
         let staged = stage(resolved, &cast).map_err(|error| super::run::failed(&error))?;
-        let form = if self.doubles { Form::Doubles } else { Form::Vectors };
+        let form = match self.publish {
+            Publish::Vectors => Form::Vectors,
+            Publish::Doubles => Form::Doubles,
+            Publish::Packed => Form::Packed,
+        };
         Federation::new(staged, form).map_err(failed)
     }
 

@@ -8,6 +8,7 @@ use super::{Core, FederateArgs, broker, failed, helics_cli, member, merge};
 use crate::federation::{Federation, FederationError, Helics};
 use crate::harness::scenario::GRID;
 use crate::scenario::Resolved;
+use clap::ValueEnum;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, WrapErr};
 use std::net::TcpListener;
@@ -37,8 +38,15 @@ pub fn run(args: &FederateArgs, resolved: &Resolved, federation: &Federation) ->
     write_runner_file(args, resolved, &names, &folder)?;
     let begun = Instant::now();
     let (said, listener) = channel();
-    let mut watched =
-        Watched { args, helics: &helics, children: Vec::new(), broker: None, said, bar: bar(args, resolved) };
+    let mut watched = Watched {
+        args,
+        helics: &helics,
+        children: Vec::new(),
+        broker: None,
+        said,
+        bar: super::super::run::bar(args.quiet),
+        stepping_s: 0.0,
+    };
     let broker_name = watched.start_broker(names.len() + args.without.len(), &listener)?;
     if !args.without.is_empty() {
         eprintln!("waiting for {} at {broker_name}", args.without.join(", "));
@@ -52,8 +60,11 @@ pub fn run(args: &FederateArgs, resolved: &Resolved, federation: &Federation) ->
     watched.bar.finish_and_clear();
     // The broker has nothing to do any more; who is left is ended here.
     drop(watched);
-    let remains = Remains { folder: &folder, names: &names, took: begun.elapsed() };
-    merge::conclude(args, resolved, federation, &remains, ended?)
+    let ended = ended?;
+    let took =
+        if ended.stepping_s > 0.0 { Duration::from_secs_f64(ended.stepping_s) } else { begun.elapsed() };
+    let remains = Remains { folder: &folder, names: &names, took };
+    merge::conclude(args, resolved, federation, &remains, &ended)
 }
 
 /// What became of the federates.
@@ -63,6 +74,8 @@ pub struct Ended {
     pub died: Vec<(String, String)>,
     /// What ended all of it too early.
     pub broken: Option<String>,
+    /// Wall time of the slowest federate's run, s; without the time in which processes started and found each other.
+    pub stepping_s: f64,
 }
 
 struct Watched<'a> {
@@ -72,6 +85,7 @@ struct Watched<'a> {
     broker: Option<Started>,
     said: Sender<Said>,
     bar: ProgressBar,
+    stepping_s: f64,
 }
 
 impl Watched<'_> {
@@ -192,6 +206,7 @@ impl Watched<'_> {
         while let Ok(said) = listener.try_recv() {
             self.show(said);
         }
+        ended.stepping_s = self.stepping_s;
         Ok(ended)
     }
 
@@ -210,14 +225,18 @@ impl Watched<'_> {
         Ok(())
     }
 
-    fn show(&self, Said { child, line }: Said) {
+    fn show(&mut self, Said { child, line }: Said) {
         let name = self.children.get(child).map_or("broker", |child| child.name.as_str());
         match line {
             Line::Out(line) => {
                 let mut words = line.split(' ');
-                let is_progress = words.next() == Some(member::PROGRESS);
+                let first = words.next();
                 let mut number = || words.next().and_then(|word| word.parse::<f64>().ok());
-                if let (true, Some(t_s), Some(share)) = (is_progress, number(), number()) {
+                if first == Some(member::TOOK) {
+                    self.stepping_s = self.stepping_s.max(number().unwrap_or(0.0));
+                } else if let (true, Some(t_s), Some(share)) =
+                    (first == Some(member::PROGRESS), number(), number())
+                {
                     let position = (share * 1000.0) as u64;
                     if position >= self.bar.position() {
                         self.bar.set_position(position);
@@ -260,8 +279,8 @@ impl FederateArgs {
         if let Some(every_ns) = self.checkpoint {
             option("--checkpoint", format!("{}s", every_ns as f64 / 1e9));
         }
-        if self.doubles {
-            words.push("--doubles".into());
+        if let Some(publish) = self.publish.to_possible_value() {
+            words.push(format!("--publish={}", publish.get_name()));
         }
         words
     }
@@ -299,8 +318,4 @@ fn write_runner_file(
     let path = folder.join(helics_cli::FILE);
     let text = serde_json::to_string_pretty(&document).into_diagnostic()? + "\n";
     Ok(std::fs::write(&path, text).into_diagnostic().wrap_err_with(|| path.display().to_string())?)
-}
-
-fn bar(args: &FederateArgs, _resolved: &Resolved) -> ProgressBar {
-    super::super::run::bar(args.quiet)
 }
