@@ -114,6 +114,9 @@ pub struct FederateArgs {
     /// With --federate: come back into a federation under way, from the checkpoint in DIR
     #[arg(long, requires = "federate")]
     resume: bool,
+    /// How long to look for the broker
+    #[arg(long, value_name = "TIME", default_value = "30s", value_parser = duration::parse)]
+    wait: i64,
     /// libhelics, or a folder with it [default: $BESS_HELICS, the package helics of python3, the system's]
     #[arg(long, value_name = "PATH")]
     helics: Option<PathBuf>,
@@ -171,7 +174,9 @@ impl FederateArgs {
     fn address(&self) -> Address {
         let (host, port) = self.broker.clone().unwrap_or_else(|| ("127.0.0.1".into(), None));
         let port = port.unwrap_or(self.core.port());
-        Address { core: self.core.name().into(), host, port, options: CORE_OPTIONS.into() }
+        let try_ms = (self.wait / 1_000_000 / i64::from(TRIES)).max(1);
+        let options = format!("{CORE_OPTIONS} --networktimeout={try_ms}ms --networkretries={}", TRIES - 1);
+        Address { core: self.core.name().into(), host, port, options }
     }
 
     fn folder(&self, resolved: &Resolved) -> PathBuf {
@@ -183,6 +188,9 @@ impl FederateArgs {
 
 /// A federate looks after its broker when nothing has come for two seconds, and waits ten for an answer.
 const CORE_OPTIONS: &str = "--tick=2s --timeout=10s --loglevel=error";
+
+/// How often it looks for its broker.
+const TRIES: u32 = 6;
 
 /// `host`, `host:23404`, `[::1]:23404`.
 fn parse_host(text: &str) -> Result<(String, Option<u16>), String> {

@@ -276,6 +276,7 @@ impl FederateArgs {
                 option(key, fmu.display().to_string());
             }
         }
+        option("--wait", format!("{}s", self.wait as f64 / 1e9));
         if let Some(every_ns) = self.checkpoint {
             option("--checkpoint", format!("{}s", every_ns as f64 / 1e9));
         }
