@@ -22,8 +22,7 @@ fn seven() -> Config {
     config.K_P = table.iter().map(|x| 0.004 * x).collect();
     config.K_Q = table.iter().map(|x| 0.02 * x).collect();
     config.capacity = config.K_P.iter().map(|K| 0.5 / K).collect();
-    config.omega_set_start =
-        [1.5, -1.0, 0.5, -1.5, 1.0, -0.5, 0.0].iter().map(|x| 1.0 + 1e-3 * x).collect();
+    config.omega_set_start = [1.5, -1.0, 0.5, -1.5, 1.0, -0.5, 0.0].iter().map(|x| 1.0 + 1e-3 * x).collect();
     config.V_set_start = vec![1.02; 7];
     config.exchange_fade_s = 2.0;
     config
