@@ -69,8 +69,9 @@ impl Controller {
         self.fixed.across.as_ref().map_or((&[], &[]), |across| (&across.slots, &across.tellers))
     }
 
-    /// Before the first step the agents tell how they stand now, as if the graph were whole.
-    fn introduce(&mut self) {
+    /// In initialisation the agents tell how they stand now, as if the graph were whole, and take over what they
+    /// have been told.
+    pub(super) fn introduce(&mut self) {
         let Some(across) = &self.fixed.across else { return };
         let (inputs, k) = (&self.state.inputs, self.state.adopted.topology);
         let standing = &mut self.state.outputs.local.standing;
@@ -80,13 +81,16 @@ impl Controller {
             standing.enabled[m] = inputs.enable;
             (standing.hops[m], standing.links[m], standing.ended[m]) = (hops, 0, 0);
         }
+        let state = &mut self.state;
+        state.adopted.own.clone_from(&state.outputs.local.standing);
+        state.adopted.remote.clone_from(&state.inputs.remote.standing);
+        for (k, &slot) in across.slots.iter().enumerate() {
+            state.inputs.available[slot] = state.adopted.remote.available[k];
+        }
     }
 
     /// Takes over what both ends of the links to other parts told last; says whether the graph is another one now.
     pub(super) fn take_standings(&mut self) -> bool {
-        if self.state.clock.samples == 0 {
-            self.introduce();
-        }
         let Some(across) = &self.fixed.across else { return false };
         let state = &mut self.state;
         let (own, remote) = (&state.outputs.local.standing, &state.inputs.remote.standing);

@@ -249,7 +249,6 @@ impl Controller {
         outputs.P_set.fill(0.0);
         outputs.Q_set.fill(0.0);
         adopted.enable = inputs.enable;
-        adopted.available.copy_from_slice(&inputs.available);
         adopted.asked = inputs.topology;
         let chosen = usize::try_from(i64::from(inputs.topology) - 1);
         adopted.topology = chosen.ok().filter(|&k| k < self.topologies.count()).unwrap_or(0);
@@ -273,23 +272,23 @@ impl Controller {
         self.state.history = History::new(n, 0);
         self.state.lags = Lags::start(&self.state.outputs);
         self.state.before = Before::default();
-        self.state.adopted.own.clone_from(&self.state.outputs.local.standing);
-        self.state.adopted.remote.clone_from(&self.state.inputs.remote.standing);
+        self.introduce();
+        self.state.adopted.available.clone_from(&self.state.inputs.available);
         self.rebuild();
         self.state.flows = vec![0.0; self.network.graph.edges().len()];
         self.state.transfers = self.state.flows.clone();
         self.remember_before();
         self.state.received_ns = vec![i64::MIN; self.scratch.received_ns.len()];
         self.refresh(&mut |_| {});
+        self.tell_outside(false);
     }
 
     /// Brings the five inputs of the paper and the diagnostics in line with the inputs and parameters
     /// set so far, with the step size of the last step. The setpoints stay. Where availability, topology
     /// or parameters have changed, the graph and the eigenvalues are made anew here, and said so.
     pub fn refresh(&mut self, events: &mut dyn FnMut(Event)) {
+        self.adopt(false, events);
         let clock = self.state.clock;
-        let changes = clock.samples == 0 && self.take_standings();
-        self.adopt(changes, events);
         if self.is_plain() {
             self.look_around(clock.step_ns, false);
         } else {

@@ -78,9 +78,6 @@ impl Controller {
             }
         }
         self.diagnose();
-        if clock.samples == 0 {
-            self.tell_outside(false);
-        }
     }
 
     /// The signals that the agents work with and tell each other, filtered where asked.
