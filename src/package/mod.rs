@@ -15,7 +15,7 @@ use archive::Entries;
 pub use libraries::{Libraries, PLATFORM, library_file_name};
 use std::path::{Path, PathBuf};
 
-pub use system::{SystemError, write_system};
+pub use system::{SystemError, write_parts, write_system};
 
 /// Why an archive was not written.
 #[derive(Debug, thiserror::Error)]
