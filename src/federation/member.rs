@@ -8,7 +8,7 @@ use super::rejoining::Rejoining;
 use super::session::Session;
 use super::topics::{Form, Share, Topic, topics};
 use crate::harness::scenario::{GRID, Staged};
-use crate::harness::{Algorithm, Connection, Endpoint, Event, Kind, Participant, Plan};
+use crate::harness::{Algorithm, Apart, Column, Connection, Endpoint, Event, Participant, Plan};
 use std::cell::Cell;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -21,16 +21,19 @@ pub struct Federation {
     participants: Vec<Box<dyn Participant>>,
     plan: Plan,
     topics: Vec<Topic>,
+    whole: Plan,
+    columns: Vec<(Column, Vec<Endpoint>)>,
 }
 
 impl Federation {
     /// Of the participants and the plan of one process.
-    pub fn new((participants, plan): Staged, form: Form) -> Result<Self, FederationError> {
+    pub fn new(apart: Apart, form: Form) -> Result<Self, FederationError> {
+        let Apart { staged: (participants, plan), whole, columns } = apart;
         if plan.algorithm != Algorithm::Jacobi {
             return Err(FederationError::Algorithm);
         }
         let topics = topics(&participants, &plan.connections, (form, GRID));
-        Ok(Self { participants, plan, topics })
+        Ok(Self { participants, plan, topics, whole, columns })
     }
 
     /// Names of the federates, those of the participants.
@@ -43,15 +46,14 @@ impl Federation {
         &self.topics
     }
 
-    /// The type of a participant's variable.
-    pub fn kind(&self, participant: &str, variable: &str) -> Option<Kind> {
-        let own = self.participants.iter().find(|own| own.name() == participant)?;
-        own.variables().iter().find(|own| own.name == variable).map(|own| own.kind)
+    /// The plan of the whole, as one process runs it.
+    pub fn whole(&self) -> &Plan {
+        &self.whole
     }
 
-    /// The plan of one process.
-    pub fn plan(&self) -> &Plan {
-        &self.plan
+    /// The columns of the whole, each with its sources: of several the largest counts.
+    pub fn columns(&self) -> &[(Column, Vec<Endpoint>)] {
+        &self.columns
     }
 
     /// The share of the federate of this name.

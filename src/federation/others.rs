@@ -166,6 +166,7 @@ impl Others {
         };
         // One who came late goes through what it missed alone.
         if self.has_joined_late().is_some_and(|joined_ns| at_ns <= joined_ns) {
+            self.presence.iter().for_each(|(output, _)| zero(&mut self.own.heard, *output));
             return Ok(());
         }
         if self.turn == Turn::Controller {
@@ -242,6 +243,12 @@ impl Others {
             self.session.read(&mut self.own.heard, &mut self.is_heard)?;
         }
         Ok(())
+    }
+}
+
+fn zero(values: &mut [f64], place: usize) {
+    if let Some(value) = values.get_mut(place) {
+        *value = 0.0;
     }
 }
 

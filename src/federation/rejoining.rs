@@ -1,5 +1,7 @@
 //! A controller that comes back: from the state of its checkpoint it is stepped alone through the time that it missed,
-//! disabled, so that it holds the setpoints that the batteries still have; then it is as enabled as its plan wants it.
+//! disabled, so that it holds the setpoints that the batteries still have; then it is as enabled as its plan wants it. A
+//! part of a fleet has its agents taken out instead, as its neighbours have taken them out, so that what its links carry
+//! stays the same at both ends.
 
 use super::others::LATER_NS;
 use crate::harness::{CallError, Causality, Kind, Participant, StateHandle, Variable};
@@ -8,57 +10,78 @@ use std::rc::Rc;
 
 /// The input that stops a controller without a bump.
 const ENABLE: &str = "enable";
+/// The inputs that take agents out, and those by which a part is known.
+const AVAILABLE: &str = "available[";
+const REMOTE: &str = "remote_available[";
 
 /// A participant that was away.
 pub struct Rejoining {
     inner: Box<dyn Participant>,
     /// Until when it was away, ns; others may move it.
     away_until_ns: Rc<Cell<i64>>,
-    enable: Option<(u32, Kind)>,
-    /// What `enable` shall be when it is back; none while it is not held back.
-    wanted: Option<f64>,
+    /// The inputs that are false while it is away.
+    held: Vec<(u32, Kind)>,
+    /// What they shall be when it is back; nothing while they are not held back.
+    wanted: Option<Vec<f64>>,
 }
 
 impl Rejoining {
     /// Holds back `inner` until then.
     pub fn new(inner: Box<dyn Participant>, away_until_ns: Rc<Cell<i64>>) -> Self {
-        let is_enable = |v: &&Variable| v.name == ENABLE && v.causality == Causality::Input;
-        let enable = inner.variables().iter().find(is_enable).map(|v| (v.reference, v.kind));
-        Self { inner, away_until_ns, enable, wanted: None }
+        let inputs = || inner.variables().iter().filter(|v| v.causality == Causality::Input);
+        let is_part = inputs().any(|v| v.name.starts_with(REMOTE));
+        let is_held = |v: &&Variable| if is_part { v.name.starts_with(AVAILABLE) } else { v.name == ENABLE };
+        let held = inputs().filter(is_held).map(|v| (v.reference, v.kind)).collect();
+        Self { inner, away_until_ns, held, wanted: None }
     }
 
-    fn set_enable(&mut self, value: f64) -> Result<(), CallError> {
-        match self.enable {
-            Some((reference, Kind::Real)) => self.inner.set_real(&[reference], &[value]),
-            Some((reference, Kind::Boolean)) => {
-                self.inner.set_boolean(&[reference], &[i32::from(value >= 0.5)])
+    fn put(&mut self, values: &[f64]) -> Result<(), CallError> {
+        for ((reference, kind), value) in self.held.iter().zip(values) {
+            match kind {
+                Kind::Real => self.inner.set_real(&[*reference], &[*value])?,
+                _ => self.inner.set_boolean(&[*reference], &[i32::from(*value >= 0.5)])?,
             }
-            _ => Ok(()),
         }
+        Ok(())
+    }
+
+    fn found(&mut self) -> Result<Vec<f64>, CallError> {
+        let mut values = Vec::with_capacity(self.held.len());
+        for (reference, kind) in &self.held {
+            values.push(match kind {
+                Kind::Real => {
+                    let mut value = [0.0];
+                    self.inner.get_real(&[*reference], &mut value).map(|()| value[0])?
+                }
+                _ => {
+                    let mut value = [0];
+                    self.inner.get_boolean(&[*reference], &mut value).map(|()| f64::from(value[0]))?
+                }
+            });
+        }
+        Ok(values)
     }
 
     fn hold_back(&mut self, t_ns: i64) -> Result<(), CallError> {
         let is_away = t_ns + LATER_NS <= self.away_until_ns.get();
-        match (is_away, self.wanted, self.enable) {
-            (true, None, Some((reference, kind))) => {
-                let found = match kind {
-                    Kind::Real => {
-                        let mut value = [0.0];
-                        self.inner.get_real(&[reference], &mut value).map(|()| value[0])?
-                    }
-                    _ => {
-                        let mut value = [0];
-                        self.inner.get_boolean(&[reference], &mut value).map(|()| f64::from(value[0]))?
-                    }
-                };
-                self.wanted = Some(found);
-                self.set_enable(0.0)
+        if is_away && self.wanted.is_none() {
+            self.wanted = Some(self.found()?);
+            self.put(&vec![0.0; self.held.len()])?;
+        } else if !is_away && let Some(wanted) = self.wanted.take() {
+            self.put(&wanted)?;
+        }
+        Ok(())
+    }
+
+    /// Keeps a value that is to be set for later, if it is one of those held back.
+    fn kept_back(&mut self, (reference, kind): (u32, Kind), value: f64) -> bool {
+        let place = self.held.iter().position(|held| *held == (reference, kind));
+        match (place, &mut self.wanted) {
+            (Some(place), Some(wanted)) => {
+                wanted.get_mut(place).map(|wanted| *wanted = value);
+                true
             }
-            (false, Some(wanted), _) => {
-                self.wanted = None;
-                self.set_enable(wanted)
-            }
-            _ => Ok(()),
+            _ => false,
         }
     }
 }
@@ -105,12 +128,12 @@ impl Participant for Rejoining {
     }
 
     fn set_real(&mut self, references: &[u32], values: &[f64]) -> Result<(), CallError> {
-        let held = self.enable.filter(|(_, kind)| self.wanted.is_some() && *kind == Kind::Real);
+        if self.wanted.is_none() {
+            return self.inner.set_real(references, values);
+        }
         for (reference, value) in references.iter().zip(values) {
-            match held {
-                Some((enable, _)) if enable == *reference => self.wanted = Some(*value),
-                Some(_) => self.inner.set_real(&[*reference], &[*value])?,
-                None => return self.inner.set_real(references, values),
+            if !self.kept_back((*reference, Kind::Real), *value) {
+                self.inner.set_real(&[*reference], &[*value])?;
             }
         }
         Ok(())
@@ -121,12 +144,12 @@ impl Participant for Rejoining {
     }
 
     fn set_boolean(&mut self, references: &[u32], values: &[i32]) -> Result<(), CallError> {
-        let held = self.enable.filter(|(_, kind)| self.wanted.is_some() && *kind == Kind::Boolean);
+        if self.wanted.is_none() {
+            return self.inner.set_boolean(references, values);
+        }
         for (reference, value) in references.iter().zip(values) {
-            match held {
-                Some((enable, _)) if enable == *reference => self.wanted = Some(f64::from(*value)),
-                Some(_) => self.inner.set_boolean(&[*reference], &[*value])?,
-                None => return self.inner.set_boolean(references, values),
+            if !self.kept_back((*reference, Kind::Boolean), f64::from(*value)) {
+                self.inner.set_boolean(&[*reference], &[*value])?;
             }
         }
         Ok(())
@@ -147,10 +170,10 @@ impl Participant for Rejoining {
 
     fn save_state(&mut self) -> Result<StateHandle, CallError> {
         // A state kept while it is away is that of one who is not held back, or it would never be let go again.
-        let Some(wanted) = self.wanted else { return self.inner.save_state() };
-        self.set_enable(wanted)?;
+        let Some(wanted) = self.wanted.clone() else { return self.inner.save_state() };
+        self.put(&wanted)?;
         let state = self.inner.save_state();
-        self.set_enable(0.0)?;
+        self.put(&vec![0.0; self.held.len()])?;
         state
     }
 

@@ -100,7 +100,7 @@ impl Cast {
     }
 }
 
-fn in_process<M: Model>(
+pub(super) fn in_process<M: Model>(
     name: &str,
     model: Result<M, ModelError>,
 ) -> Result<Box<dyn Participant>, HarnessError> {

@@ -5,10 +5,10 @@ use super::FederateArgs;
 use super::runner::Ended;
 use crate::federation::{Federation, OTHERS};
 use crate::harness::recorder::{PART, WHOLE};
-use crate::harness::{Column, Experiment, Kind};
+use crate::harness::{Column, Experiment};
 use crate::scenario::Resolved;
 use miette::{IntoDiagnostic, WrapErr};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -35,7 +35,7 @@ pub fn conclude(
     let tables: Vec<Table> =
         remains.names.iter().map(|name| Table::read(&remains.folder.join(name))).collect::<Result<_, _>>()?;
     let merged = Merged::of(federation, remains, &tables);
-    let plan = federation.plan();
+    let plan = federation.whole();
     let reached_ns = merged.times_ns.last().copied().unwrap_or(plan.start_ns);
     let is_whole = reached_ns >= plan.stop_ns;
     let early = ended.died.iter().map(|(name, how)| format!("{name} ended early ({how})"));
@@ -133,8 +133,8 @@ impl Table {
 /// All columns on all instants. Where one has no row it holds its last.
 struct Merged {
     columns: Vec<Column>,
-    /// Table and column in it.
-    sources: Vec<(usize, usize)>,
+    /// Tables and columns in them; of several the largest value counts.
+    sources: Vec<Vec<(usize, usize)>>,
     times_ns: Vec<i64>,
     /// Row of each table at each instant.
     rows: Vec<Vec<usize>>,
@@ -142,40 +142,33 @@ struct Merged {
 
 impl Merged {
     fn of(federation: &Federation, remains: &Remains<'_>, tables: &[Table]) -> Self {
+        let mut places: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
+        let others = format!("{OTHERS}.");
+        for (k, table) in tables.iter().enumerate() {
+            let own = remains.names.get(k).map_or_else(String::new, |name| format!("{name}."));
+            for (column, label) in table.columns.iter().enumerate() {
+                // Of whom others have run, what was heard is known; who has run here knows best.
+                if label.starts_with(&own) {
+                    places.insert(label, (k, column));
+                } else if let Some(heard) = label.strip_prefix(&others) {
+                    places.entry(heard).or_insert((k, column));
+                }
+            }
+        }
         let mut merged =
             Self { columns: Vec::new(), sources: Vec::new(), times_ns: Vec::new(), rows: Vec::new() };
-        // In the order of one process.
-        for name in federation.names() {
-            let is_own = remains.names.iter().position(|own| *own == name);
-            let prefix = format!("{name}.");
-            let heard = format!("{OTHERS}.{name}.");
-            for (k, table) in tables.iter().enumerate() {
-                for (column, label) in table.columns.iter().enumerate() {
-                    let variable = match is_own {
-                        Some(own) if own == k => label.strip_prefix(&prefix),
-                        Some(_) => None,
-                        // Of whom others have run, what was heard is known.
-                        None => label.strip_prefix(&heard),
-                    };
-                    let Some(variable) = variable else { continue };
-                    if merged.columns.iter().any(|c| c.participant == name && c.variable == variable) {
-                        continue;
-                    }
-                    merged.columns.push(Column {
-                        participant: name.clone(),
-                        variable: variable.to_owned(),
-                        kind: federation.kind(&name, variable).unwrap_or(Kind::Real),
-                        unit: None,
-                    });
-                    merged.sources.push((k, column));
-                }
+        for (column, sources) in federation.columns() {
+            let found = sources.iter().filter_map(|source| places.get(&*source.to_string()).copied());
+            let found: Vec<(usize, usize)> = found.collect();
+            if !found.is_empty() {
+                merged.columns.push(column.clone());
+                merged.sources.push(found);
             }
         }
         let times: BTreeSet<i64> = tables.iter().flat_map(|table| table.times_ns.iter().copied()).collect();
         // Only instants that everyone has begun at.
-        let first =
-            tables.iter().filter_map(|table| table.times_ns.first()).max().copied().unwrap_or(i64::MAX);
-        merged.times_ns = times.into_iter().filter(|t_ns| *t_ns >= first).collect();
+        let first = tables.iter().filter_map(|table| table.times_ns.first()).max().copied();
+        merged.times_ns = times.into_iter().filter(|t_ns| *t_ns >= first.unwrap_or(i64::MAX)).collect();
         let at =
             |table: &Table, t_ns: i64| table.times_ns.partition_point(|own| *own <= t_ns).saturating_sub(1);
         let rows = |table: &Table| merged.times_ns.iter().map(|t_ns| at(table, *t_ns)).collect();
@@ -191,7 +184,10 @@ impl Merged {
                 _ => f64::NAN,
             }
         };
-        self.sources.iter().map(value).collect()
+        let largest = |places: &Vec<(usize, usize)>| {
+            places.iter().map(value).reduce(|a, b| if b > a { b } else { a }).unwrap_or(f64::NAN)
+        };
+        self.sources.iter().map(largest).collect()
     }
 }
 

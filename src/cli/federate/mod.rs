@@ -12,7 +12,8 @@ pub use broker::{BROKER, BrokerArgs, serve};
 
 use super::{Failure, ScenarioArgs, duration, results_folder};
 use crate::federation::{Address, Federation, FederationError, Form, Helics};
-use crate::harness::{Cast, Origin, stage};
+use crate::harness::{Cast, Origin, stage_apart};
+use crate::models::fleet::Cut;
 use crate::scenario::Resolved;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -49,6 +50,18 @@ impl Core {
     }
 }
 
+/// What is a federate beside the grid.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Parts {
+    /// The controller of each cluster: cluster1, cluster2, ...
+    #[default]
+    Clusters,
+    /// The controller of each battery: agent1, agent2, ...
+    Agents,
+    /// The controller of all batteries: controller
+    Whole,
+}
+
 /// How the values between grid and controllers are published.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Publish {
@@ -64,12 +77,12 @@ pub enum Publish {
 /// The command line of `bess federate`.
 #[derive(Args, Clone)]
 #[command(after_help = "Examples:
-  bess federate case1                                        broker, grid and controller, a process each
-  bess federate case1 --core tcp -o results/tcp
-  bess federate case1 --federate controller --broker 10.0.0.5    one federate, on a machine of its own
+  bess federate case1                                        broker, grid, cluster1, cluster2: a process each
+  bess federate case1 --parts agents --core tcp              one for every battery; they talk over TCP
+  bess federate case1 --federate cluster2 --broker 10.0.0.5  one federate, on a machine of its own
   bess federate mine.json --without grid                     all but the grid: yours takes its place
   bess federate case1 --checkpoint 1s                        a federate that dies can come back:
-  bess federate case1 --federate controller --broker 127.0.0.1:23404 -o results/case1/controller --resume
+  bess federate case1 --federate cluster2 --broker 127.0.0.1:23404 -o results/case1/cluster2 --resume
 
 HELICS comes from `pip install helics==3.6.1`. DIR holds afterwards what `bess run` leaves (trajectory.csv, summary.json,
 report.html), a folder for each federate with its own trajectory, and helics_runner.json for `helics run --path=`.
@@ -102,7 +115,10 @@ pub struct FederateArgs {
     /// How the values between grid and controllers are published
     #[arg(long, value_enum, default_value_t)]
     publish: Publish,
-    /// FMU in the controller's place [default: control.fmu, or the built-in model]
+    /// What is a federate beside the grid
+    #[arg(long, value_enum, default_value_t)]
+    parts: Parts,
+    /// FMU in the controller's place, in one part [default: control.fmu, or the built-in model]
     #[arg(long, value_name = "FMU")]
     controller: Option<PathBuf>,
     /// FMU in the grid's place [default: grid.fmu, or the built-in model]
@@ -157,13 +173,19 @@ impl FederateArgs {
         let of = |fmu: &Option<PathBuf>, named: Origin| fmu.clone().map_or(named, Origin::Fmu);
         let cast =
             Cast { controller: of(&self.controller, named.controller), grid: of(&self.grid, named.grid) };
-        let staged = stage(resolved, &cast).map_err(|error| super::run::failed(&error))?;
+        // Somebody else's controller is in one part.
+        let cut = match (self.parts, &cast.controller) {
+            (Parts::Whole, _) | (_, Origin::Fmu(_)) => None,
+            (Parts::Clusters, _) => Some(Cut::Clusters),
+            (Parts::Agents, _) => Some(Cut::Agents),
+        };
+        let apart = stage_apart(resolved, &cast, cut).map_err(|error| super::run::failed(&error))?;
         let form = match self.publish {
             Publish::Vectors => Form::Vectors,
             Publish::Doubles => Form::Doubles,
             Publish::Packed => Form::Packed,
         };
-        Federation::new(staged, form).map_err(failed)
+        Federation::new(apart, form).map_err(failed)
     }
 
     fn helics(&self) -> Result<Arc<Helics>, Failure> {

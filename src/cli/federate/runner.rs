@@ -280,8 +280,10 @@ impl FederateArgs {
         if let Some(every_ns) = self.checkpoint {
             option("--checkpoint", format!("{}s", every_ns as f64 / 1e9));
         }
-        if let Some(publish) = self.publish.to_possible_value() {
-            words.push(format!("--publish={}", publish.get_name()));
+        for (option, value) in
+            [("--publish", self.publish.to_possible_value()), ("--parts", self.parts.to_possible_value())]
+        {
+            words.extend(value.map(|value| format!("{option}={}", value.get_name())));
         }
         words
     }
