@@ -18,4 +18,5 @@ pub use error::FederationError;
 pub use library::{Helics, VARIABLE, WANTED};
 pub use member::Federation;
 pub use others::{LATER_NS, OTHERS};
+pub use session::Session;
 pub use topics::{Form, Share, Topic};

@@ -48,8 +48,8 @@ pub struct Session {
 }
 
 impl Session {
-    /// Connects to the broker, waiting for it within reason, and registers what the share says. With `is_late` others
-    /// may be under way, and a federate of this name may have been there before.
+    /// Connects to the broker, waiting for it within reason, and registers what the share says. Others may be under way,
+    /// and a federate of this name may have been there before.
     pub fn connect(
         helics: &Arc<Helics>,
         name: &str,
