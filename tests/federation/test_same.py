@@ -24,23 +24,31 @@ SHORT = ("--set", "stop_s=3", "--set", 'events=[{"at_s":1,"label":"on","set":{"c
 
 
 def test_every_core_gives_the_bits_of_one_process(bess, tmp_path):
-    bess("run", "case1", *SHORT, "-o", "one", "-q", "--no-report")
-    one = (tmp_path / "one/trajectory.csv").read_bytes()
-    for core in ("zmq", "tcp", "ipc"):
-        bess("federate", "case1", *SHORT, "--core", core, "-o", core, "-q", "--no-report")
-        assert (tmp_path / core / "trajectory.csv").read_bytes() == one, core
+    for parts in ("whole", "clusters"):
+        cut = () if parts == "whole" else ("--parts", parts)
+        bess("run", "case1", *SHORT, *cut, "-o", "one", "-q", "--no-report")
+        one = (tmp_path / "one/trajectory.csv").read_bytes()
+        for core in ("zmq", "tcp", "ipc"):
+            bess("federate", "case1", *SHORT, "--parts", parts, "--core", core, "-o", core, "-q", "--no-report")
+            assert (tmp_path / core / "trajectory.csv").read_bytes() == one, (parts, core)
+
+
+def test_so_does_a_federate_for_each_battery(bess, tmp_path):
+    bess("run", "case1", *SHORT, "--parts", "agents", "-o", "one", "-q", "--no-report")
+    bess("federate", "case1", *SHORT, "--parts", "agents", "-o", "two", "-q", "--no-report")
+    assert (tmp_path / "two/trajectory.csv").read_bytes() == (tmp_path / "one/trajectory.csv").read_bytes()
 
 
 @pytest.mark.parametrize("publish", ["doubles", "packed"])
 def test_so_does_every_way_to_publish(bess, tmp_path, publish):
-    bess("run", "case1", *SHORT, "-o", "one", "-q", "--no-report")
+    bess("run", "case1", *SHORT, "--parts", "clusters", "-o", "one", "-q", "--no-report")
     bess("federate", "case1", *SHORT, "--publish", publish, "-o", "two", "-q", "--no-report")
     assert (tmp_path / "two/trajectory.csv").read_bytes() == (tmp_path / "one/trajectory.csv").read_bytes()
 
 
 def test_steps_that_events_cut(bess, tmp_path):
     (tmp_path / "scenario.json").write_text(json.dumps(OFF_GRID))
-    bess("run", "scenario.json", "-o", "one", "-q")
+    bess("run", "scenario.json", "--parts", "clusters", "-o", "one", "-q")
     bess("federate", "scenario.json", "-o", "two", "-q")
     assert (tmp_path / "two/trajectory.csv").read_bytes() == (tmp_path / "one/trajectory.csv").read_bytes()
     # The same figures, but for times on the clock.
@@ -61,7 +69,7 @@ def test_fmus_in_both_places(bess, tmp_path):
 
 
 def test_helics_run_starts_it_too(bess, start, tmp_path):
-    bess("run", "case1", *SHORT, "-o", "one", "-q", "--no-report")
+    bess("run", "case1", *SHORT, "--parts", "clusters", "-o", "one", "-q", "--no-report")
     port = free_port()
     bess("federate", "case1", *SHORT, "--port", port, "-o", "two", "-q", "--no-report")
     file = json.loads((tmp_path / "two/helics_runner.json").read_text())
@@ -83,7 +91,7 @@ def test_helics_run_starts_it_too(bess, start, tmp_path):
 
 def test_what_is_published_can_be_asked_for(bess):
     text = bess("federate", "case1", "--topics", "--publish", "doubles")
-    assert "grid/P/1 double pu controller/from/grid/P/1 P[1]" in text
+    assert "grid/P/1 double pu cluster1/from/grid/P/1 P[1]" in text
 
 
 def test_a_missing_library_is_named_with_what_brings_it(tmp_path):
@@ -98,7 +106,7 @@ def test_a_missing_library_is_named_with_what_brings_it(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--federate", "controler"), 'no federate "controler"'),
+        (("--federate", "cluster3"), 'no federate "cluster3"'),
         (("--set", "master=gauss_seidel"), "set master to"),
         (("--federate", "grid", "--broker", "127.0.0.1:x"), "HOST:PORT"),
         (("--without", "nobody"), 'no federate "nobody"'),
