@@ -86,6 +86,7 @@ impl Model for Mock {
             description,
             unit: Some(Unit::PerUnit),
             count: n,
+            size: Some("n"),
             causality,
             variability,
             access,

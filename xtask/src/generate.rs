@@ -14,7 +14,7 @@ use clap::ValueEnum;
 /// A kind of generated file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Generated {
-    /// src/fmi/bindings.rs, from src/fmi/headers; needs libclang.
+    /// src/fmi/bindings.rs and src/fmi/three/bindings.rs, from src/fmi/headers; needs libclang.
     Bindings,
     /// src/package/icons/*.png, from the drawings beside them.
     Icons,
