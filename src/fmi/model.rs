@@ -82,7 +82,7 @@ pub trait Model: Clone + Send + 'static {
     }
 
     /// A model of the same resources and another shape, in its start state. The shape that `load` gave leads
-    /// to the model that `load` gave.
+    /// to the model that `load` gave. Not called where no size and no array can change.
     fn reshaped(&self, shape: &Shape) -> Result<Self, ModelError> {
         let _ = shape;
         Ok(self.clone())

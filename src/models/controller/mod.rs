@@ -1,6 +1,7 @@
 //! The consensus controller behind the FMI trait.
 
 mod parameters;
+mod shape;
 mod variables;
 
 use super::planes::Planes;
@@ -10,9 +11,10 @@ use crate::control::config::Config;
 use crate::control::order::Order;
 use crate::control::tangent::{Direction, Tangents};
 use crate::control::{Inputs, Outputs, Parameters};
-use crate::fmi::{Along, Group, Log, LogLevel, Model, ModelError, Phase, Plane, Step};
+use crate::fmi::{Along, Group, Log, LogLevel, Model, ModelError, Phase, Plane, Shape, Step};
 use std::ops::{Deref, DerefMut};
 use std::path::Path;
+use std::sync::Arc;
 
 /// The model of `BessConsensus.fmu`.
 #[derive(Clone)]
@@ -21,6 +23,14 @@ pub struct Controller {
     /// Many agents are numbered anew inside, such that neighbours are close.
     order: Order,
     planes: Planes<control::Controller, Tangents>,
+    /// What others are made of, where that has been asked for.
+    recipe: Option<Arc<Recipe>>,
+}
+
+/// What the file says, and what has been chosen beyond it.
+struct Recipe {
+    file: Arc<Resource<Config>>,
+    shape: Shape,
 }
 
 impl Controller {
@@ -42,7 +52,14 @@ impl Controller {
         let order = Order::local(&resource.config);
         let controller = control::Controller::new(order.renumbered(resource.config)).map_err(refused)?;
         let experiment = (resource.stop_s, resource.step_s);
-        Ok(Self { experiment, order, planes: Planes::new(controller) })
+        Ok(Self { experiment, order, planes: Planes::new(controller), recipe: None })
+    }
+
+    /// The same, of which others can be made.
+    fn from_recipe(file: Arc<Resource<Config>>, shape: Shape) -> Result<Self, ModelError> {
+        let config = shape::configured(&file.config, &shape)?;
+        let made = Self::new(Resource { stop_s: file.stop_s, step_s: file.step_s, config })?;
+        Ok(Self { recipe: Some(Arc::new(Recipe { file, shape })), ..made })
     }
 
     /// Where the agents are inside.
@@ -110,6 +127,25 @@ impl Model for Controller {
 
     fn load(resources: &Path) -> Result<Self, ModelError> {
         Self::new(Resource::load(resources, Self::RESOURCE)?)
+    }
+
+    fn load_shapeable(resources: &Path) -> Result<Self, ModelError> {
+        let file = Arc::new(Resource::<Config>::load(resources, Self::RESOURCE)?);
+        let shape = shape::shape(file.config.agents());
+        Self::from_recipe(file, shape)
+    }
+
+    fn shape(&self) -> Shape {
+        match &self.recipe {
+            Some(recipe) => recipe.shape.clone(),
+            None => shape::shape(self.planes.values.agents()),
+        }
+    }
+
+    fn reshaped(&self, shape: &Shape) -> Result<Self, ModelError> {
+        let unknown = || ModelError::new("the file that the model was made from has not been kept");
+        let recipe = self.recipe.as_ref().ok_or_else(unknown)?;
+        Self::from_recipe(Arc::clone(&recipe.file), shape.clone())
     }
 
     fn variables(&self) -> Vec<Group<Self>> {
