@@ -174,8 +174,11 @@ macro_rules! calls {
     };
 }
 
+/// A function with arguments of its own.
+pub type Call = fn(fmi3Instance) -> fmi3Status;
+
 /// Every function on an instance with arguments that ask for nothing: each can be called in any state without harm.
-pub fn harmless_calls() -> Vec<(&'static str, fn(fmi3Instance) -> fmi3Status)> {
+pub fn harmless_calls() -> Vec<(&'static str, Call)> {
     calls! {
         fmi3SetDebugLogging(true, 0, null());
         fmi3EnterInitializationMode(false, 0.0, 0.0, false, 0.0);
