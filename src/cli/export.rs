@@ -94,6 +94,10 @@ pub fn export(args: &ExportArgs, carried: &'static [u8]) -> Result<(), Failure> 
         let code = if matches!(error, PackageError::System(_)) { 2 } else { 1 };
         Failure { report, code }
     })?;
+    let platforms: Vec<&str> = match args.fmi {
+        Fmi::Two => platforms,
+        Fmi::Three => platforms.into_iter().map(package::platform_3).collect(),
+    };
     eprintln!("wrote {} ({})", output.display(), platforms.join(", "));
     Ok(())
 }

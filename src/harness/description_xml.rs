@@ -199,8 +199,8 @@ impl Walk<'_> {
         let version = self.required(element, "fmiVersion")?;
         if version != "2.0" {
             let expected = if version.starts_with("3.") {
-                "fmiVersion=\"2.0\": `bess` couples FMI 2.0; export it so (`bess export`: without `--fmi 3`), or couple \
-                 it in FMPy, see docs/masters.md"
+                "fmiVersion=\"2.0\", which `bess` couples; export the FMU as FMI 2.0 (in `bess export` leave `--fmi 3` \
+                 out), or couple it in FMPy, see docs/masters.md"
             } else {
                 "fmiVersion=\"2.0\""
             };

@@ -15,6 +15,11 @@ const PLATFORMS: [(&str, &str); 4] = [
     ("aarch64-linux", "aarch64-linux"),
 ];
 
+/// FMI 3.0's name of a platform that FMI 2.0 calls `two`.
+pub fn platform_3(two: &'static str) -> &'static str {
+    PLATFORMS.iter().find(|(name, _)| *name == two).map_or(two, |(_, three)| three)
+}
+
 /// Writes the controller of a scenario as FMI 3.0.
 pub fn write_controller_3(
     path: &Path,
