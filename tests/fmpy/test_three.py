@@ -32,6 +32,13 @@ def test_fmpy_finds_nothing_to_complain_about(three, which):
     assert validate_fmu(str(three(which, "case1", "--fmi", "3"))) == []
 
 
+def test_the_checked_in_description_is_that_of_the_fmu(three, root, which):
+    checked_in = root / "modelDescription" / f"{MODELS[which]}.fmi3.xml"
+    with zipfile.ZipFile(three(which, "case1", "--fmi", "3")) as archive:
+        packed_in = archive.read("modelDescription.xml").decode()
+    assert checked_in.read_text() == packed_in, "run `cargo xtask generate model-description`"
+
+
 def test_every_quantity_of_fmi_2_is_one_variable(unpacked, make2, make3, which):
     two, fmu = make2(which), make3(which)
     scalars = {name for name in two.variables if "[" not in name}

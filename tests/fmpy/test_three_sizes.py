@@ -201,6 +201,15 @@ def test_a_graph_that_cannot_be_is_refused_by_its_rows(make3, rows, pins, says):
     fmu.step(0.0, 0.01)
 
 
+def test_a_topology_that_is_no_longer_there_is_not_kept_in_silence(make3):
+    fmu = make3("controller")
+    fmu.set("topology", 2)
+    fmu.configure(n=5)
+    assert fmu.get("topology") == 1
+    ((status, category, line),) = fmu.lines
+    assert (status, category) == (1, "logStatusWarning") and "topology = 2 is not kept" in line
+
+
 def test_pins_without_edges_want_edges(make3):
     fmu = make3("controller")
     fmu.set("pin_weight", [0, 1, 0, 0, 0, 0, 0])

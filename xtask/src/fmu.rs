@@ -14,12 +14,17 @@ pub const CONTROLLER: &str = "fmu/BessConsensus.fmu";
 /// The packed grid, from the workspace root.
 pub const GRID: &str = "fmu/BessGrid.fmu";
 
+/// The packed controller of FMI 3.0.
+pub const CONTROLLER_3: &str = "fmu/BessConsensus.fmi3.fmu";
+/// The packed grid of FMI 3.0.
+pub const GRID_3: &str = "fmu/BessGrid.fmi3.fmu";
+
 /// Model, version of FMI, and the file that is packed of it.
 const PACKED: [(&str, &str, &str); 4] = [
     ("controller", "2", CONTROLLER),
     ("grid", "2", GRID),
-    ("controller", "3", "fmu/BessConsensus.fmi3.fmu"),
-    ("grid", "3", "fmu/BessGrid.fmi3.fmu"),
+    ("controller", "3", CONTROLLER_3),
+    ("grid", "3", GRID_3),
 ];
 
 /// Builds for this platform, and packs both FMUs for the scenario `case1`.

@@ -189,11 +189,14 @@ impl<M: Model> Instance<M> {
             self.wanted = None;
             return Ok(done);
         };
-        let fresh = self.rebuilt(shape)?;
+        let (fresh, lost) = self.rebuilt(shape)?;
         let mut trial = Trial::new(&mut self.inner, fresh);
         let done = body(&mut trial.fresh)?;
         trial.succeed();
         drop(trial);
+        for line in lost {
+            self.inner.logger.write(Category::Warning, format_args!("{line}"));
+        }
         self.scratch = Scratch::of(self.inner.registry().len());
         if let Some(shape) = self.wanted.take() {
             self.built = shape;
@@ -201,14 +204,15 @@ impl<M: Model> Instance<M> {
         Ok(done)
     }
 
-    /// An instance of another shape, in the same state of its life, with what has been set to this one.
-    fn rebuilt(&self, shape: &Shape) -> Outcome<Common<M>> {
+    /// An instance of another shape, in the same state of its life, with what has been set to this one; and a line for
+    /// each value that it does not accept.
+    fn rebuilt(&self, shape: &Shape) -> Outcome<(Common<M>, Vec<String>)> {
         let model = self.inner.model.reshaped(shape)?;
         let mut fresh = made(self.inner.name(), model, Logger::silent())?;
-        carry_over(&self.inner, &mut fresh);
+        let lost = carry_over(&self.inner, &mut fresh);
         fresh.life = self.inner.life;
         fresh.life.stale = true;
-        Ok(fresh)
+        Ok((fresh, lost))
     }
 
     /// Puts another instance, built from this shape, in the place of the present one; the logger stays.
@@ -252,23 +256,33 @@ fn made<M: Model>(name: &str, model: M, logger: Logger) -> Outcome<Common<M>> {
     Ok(Common::from_parts(name, model, registry, guid, logger))
 }
 
-/// Copies every value that can be set, where both have as many and the other accepts it.
-fn carry_over<M: Model>(from: &Common<M>, to: &mut Common<M>) {
+/// Copies every value that can be set, where both have as many and the other accepts it; of one that it does not accept a
+/// line says so.
+fn carry_over<M: Model>(from: &Common<M>, to: &mut Common<M>) -> Vec<String> {
+    let mut lost = Vec::new();
     for (_, group) in to.registry.groups() {
         let known = from.registry.group(group.name).filter(|(_, old)| old.len() == group.len());
         let Some((_, old)) = known else { continue };
+        let mut lose = |value: &dyn std::fmt::Display| {
+            let (name, range) = (group.name, &group.range);
+            lost.push(format!("{name} = {value} is not kept in the model as it is now; expected {range}"));
+        };
         for index in 0..group.len() {
             match (&old.access, &group.access) {
                 (Access::Real(get, _), Access::Real(_, Some(set))) => {
                     let value = get(&from.model, index);
                     if group.range.contains(value) {
                         set(&mut to.model, index, value);
+                    } else {
+                        lose(&value);
                     }
                 }
                 (Access::Integer(get, _), Access::Integer(_, Some(set))) => {
                     let value = get(&from.model, index);
                     if group.range.contains(f64::from(value)) {
                         set(&mut to.model, index, value);
+                    } else {
+                        lose(&value);
                     }
                 }
                 (Access::Boolean(get, _), Access::Boolean(_, Some(set))) => {
@@ -278,6 +292,7 @@ fn carry_over<M: Model>(from: &Common<M>, to: &mut Common<M>) {
             }
         }
     }
+    lost
 }
 
 /// Two instances of which one will stay; the importer's logger is with the one that is asked meanwhile, and with the
