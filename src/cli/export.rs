@@ -1,7 +1,9 @@
-//! `bess export`: an FMU for a scenario, or both as one system.
+//! `bess export`: an FMU for a scenario, both as one system, or the controller in parts.
 
 use super::{Failure, ScenarioArgs};
+use crate::control::partition::Cut;
 use crate::fmi::{Interface, Model};
+use crate::models::fleet::Fleet;
 use crate::models::{Controller, Grid};
 use crate::package::{self, Libraries, PackageError};
 use crate::scenario::Resolved;
@@ -17,6 +19,30 @@ pub enum Part {
     Grid,
     /// Both, connected: a .ssp (SSP 1.0)
     System,
+    /// The controller of cluster number K alone
+    Cluster,
+    /// The controller of agent number I alone
+    Agent,
+    /// The controllers of all clusters and the grid, connected: a .ssp
+    Clusters,
+    /// The controllers of all agents and the grid, connected: a .ssp
+    Agents,
+}
+
+impl Part {
+    /// How the controller is cut, where it is.
+    fn cut(self) -> Option<Cut> {
+        match self {
+            Part::Controller | Part::Grid | Part::System => None,
+            Part::Cluster | Part::Clusters => Some(Cut::Clusters),
+            Part::Agent | Part::Agents => Some(Cut::Agents),
+        }
+    }
+
+    /// Whether it is one of several, and needs a number.
+    fn is_one(self) -> bool {
+        matches!(self, Part::Cluster | Part::Agent)
+    }
 }
 
 /// A version of FMI that an FMU can be written for.
@@ -32,6 +58,7 @@ pub enum Fmi {
 
 /// The command line of `bess export`.
 #[derive(Args)]
+#[command(allow_missing_positional = true)]
 #[command(after_help = "Examples:
   bess export controller case1
   bess export controller mine.json -o fmu/Mine.fmu
@@ -39,15 +66,22 @@ pub enum Fmi {
   bess export controller mine.json --portable     P_1 in place of P[1], nothing but Reals
   bess export controller mine.json --fmi 3        FMI 3.0: one array P, any number of batteries
   bess export system mine.json -o mine.ssp        both FMUs, connected
+  bess export cluster 2 case1                     BessCluster2.fmu: its agents, and messages to and from cluster 1
+  bess export agent 3 mine.json                   BessAgent3.fmu: one battery
+  bess export clusters case1                      BessClusters.ssp: all of them and the grid, connected
 
 A system starts with the scenario's `initial` values and its events at 0 s, and with the controller on unless
-those say otherwise; later events are left to the master that opens it.")]
+those say otherwise; later events are left to the master that opens it. docs/distributed.md says what a cluster or an
+agent alone knows, and how they are connected.")]
 pub struct ExportArgs {
     /// What to export
     part: Part,
+    /// Number of the cluster or agent, from 1; for nothing else
+    #[arg(value_name = "NUMBER")]
+    number: Option<u32>,
     #[command(flatten)]
     scenario: ScenarioArgs,
-    /// The file to write [default: BessConsensus.fmu, BessGrid.fmu or BessSystem.ssp]
+    /// The file to write [default: BessConsensus.fmu, BessGrid.fmu, BessSystem.ssp, BessCluster2.fmu, ...]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Names that are C identifiers (P_1) and Reals only (true from 0.5 on), for tools that know nothing else
@@ -67,18 +101,25 @@ pub fn export(args: &ExportArgs, carried: &'static [u8]) -> Result<(), Failure> 
     refuse_mixtures(args)?;
     let resolved = args.scenario.resolve()?;
     let libraries = chosen(args.libraries.as_deref(), carried);
-    let (identifier, extension) = match args.part {
-        Part::Controller => (Controller::IDENTIFIER, "fmu"),
-        Part::Grid => (Grid::IDENTIFIER, "fmu"),
-        Part::System => ("BessSystem", "ssp"),
+    let number = number(args, &resolved)?;
+    let default = match args.part {
+        Part::Controller => format!("{}.fmu", Controller::IDENTIFIER),
+        Part::Grid => format!("{}.fmu", Grid::IDENTIFIER),
+        Part::System => "BessSystem.ssp".to_owned(),
+        Part::Clusters => "BessClusters.ssp".to_owned(),
+        Part::Agents => "BessAgents.ssp".to_owned(),
+        Part::Cluster => format!("BessCluster{number}.fmu"),
+        Part::Agent => format!("BessAgent{number}.fmu"),
     };
-    let output = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{identifier}.{extension}")));
+    let output = args.output.clone().unwrap_or_else(|| PathBuf::from(default));
     let interface = if args.portable { Interface::Portable } else { Interface::Structured };
     // A system holds both models, built for the same platforms.
     let model = if matches!(args.part, Part::Grid) { Grid::IDENTIFIER } else { Controller::IDENTIFIER };
-    let written = match args.fmi {
-        Fmi::Two => write(args.part, &resolved, interface, &output, &libraries),
-        Fmi::Three => write_3(args.part, &resolved, &output, &libraries),
+    let written = match (args.fmi, args.part) {
+        (Fmi::Three, Part::Controller) => package::write_controller_3(&output, &resolved, &libraries),
+        (Fmi::Three, Part::Grid) => package::write_grid_3(&output, &resolved, &libraries),
+        // Others were refused for FMI 3.0.
+        _ => write((args.part, number), &resolved, interface, &output, &libraries),
     };
     let platforms = written.and_then(|()| libraries.platforms(model)).map_err(|error| {
         let report = match &error {
@@ -102,9 +143,37 @@ pub fn export(args: &ExportArgs, carried: &'static [u8]) -> Result<(), Failure> 
     Ok(())
 }
 
+/// The number of the part asked for, which is there; 0 where none is wanted.
+fn number(args: &ExportArgs, resolved: &Resolved) -> Result<u32, Failure> {
+    let wrong = |report| Failure { report, code: 2 };
+    let (Some(cut), true) = (args.part.cut(), args.part.is_one()) else {
+        return match args.number {
+            None => Ok(0),
+            Some(number) => Err(wrong(miette::miette!(
+                help = "`bess export cluster 2 SCENARIO` and `bess export agent 3 SCENARIO` take a number",
+                "NUMBER: found {number}; expected none here"
+            ))),
+        };
+    };
+    let count = crate::control::partition::numbers(&resolved.control, cut).into_iter().max().unwrap_or(0);
+    let name = if cut == Cut::Clusters { "cluster" } else { "agent" };
+    match args.number {
+        Some(number) if (1..=count).contains(&number) => Ok(number),
+        found => {
+            let found = found.map_or_else(|| "none".to_owned(), |number| number.to_string());
+            Err(wrong(miette::miette!(
+                help = format!(
+                    "as in `bess export {name} 1 SCENARIO`; `bess cluster SCENARIO` shows who is where"
+                ),
+                "NUMBER: found {found}; expected the number of the {name}, 1 to {count}"
+            )))
+        }
+    }
+}
+
 /// Writes what is asked for of a resolved scenario.
 fn write(
-    part: Part,
+    (part, number): (Part, u32),
     resolved: &Resolved,
     interface: Interface,
     output: &Path,
@@ -114,20 +183,15 @@ fn write(
         Part::Controller => package::write_controller(output, resolved, interface, libraries),
         Part::Grid => package::write_grid(output, resolved, interface, libraries),
         Part::System => package::write_system(output, resolved, interface, libraries),
-    }
-}
-
-/// The same for FMI 3.0.
-fn write_3(
-    part: Part,
-    resolved: &Resolved,
-    output: &Path,
-    libraries: &Libraries,
-) -> Result<(), PackageError> {
-    match part {
-        Part::Controller => package::write_controller_3(output, resolved, libraries),
-        Part::Grid => package::write_grid_3(output, resolved, libraries),
-        Part::System => package::write_system(output, resolved, Interface::Structured, libraries),
+        Part::Clusters => package::write_parts(output, resolved, Cut::Clusters, interface, libraries),
+        Part::Agents => package::write_parts(output, resolved, Cut::Agents, interface, libraries),
+        Part::Cluster | Part::Agent => {
+            let cut = part.cut().unwrap_or(Cut::Agents);
+            let mut fleet = Fleet::of(&Controller::resource(resolved), cut)?;
+            // Looked at before.
+            let member = fleet.parts.swap_remove(number as usize - 1);
+            package::write_controller_of(output, member.resource, interface, libraries)
+        }
     }
 }
 
@@ -137,6 +201,10 @@ fn refuse_mixtures(args: &ExportArgs) -> Result<(), Failure> {
         (Fmi::Three, Part::System, _) => miette::miette!(
             help = "export controller and grid by themselves, each with --fmi 3; or the system without it",
             "--fmi 3: a system (.ssp) holds FMUs of FMI 2.0"
+        ),
+        (Fmi::Three, Part::Cluster | Part::Agent | Part::Clusters | Part::Agents, _) => miette::miette!(
+            help = "leave --fmi out; or export the whole controller with --fmi 3",
+            "--fmi 3: clusters and agents alone are FMUs of FMI 2.0"
         ),
         (Fmi::Three, _, true) => miette::miette!(
             help = "leave --portable out: the names of FMI 3.0 are plain, P and not P[1]",

@@ -5,9 +5,10 @@ use super::certificates::{FixedTime, settling_time, weight_exponents};
 use super::config::{Law, VoltagePolicy};
 use super::controller::Controller;
 use super::event::Event;
-use super::exchange::{carry_over, hand_over};
+use super::exchange::{carry_over, carry_over_or, hand_over};
 use super::network::Network;
 use super::spectrum::{Eigenvalue, Method, smallest};
+use super::state::Before;
 use super::time::nanoseconds;
 use super::topology::Topology;
 use super::wave::Wave;
@@ -61,22 +62,24 @@ struct Tuning {
 
 impl Controller {
     /// Takes over discrete inputs and parameters where they have changed.
-    pub(super) fn adopt(&mut self, events: &mut dyn FnMut(Event)) {
+    /// `changed` says that the graph has for another reason.
+    pub(super) fn adopt(&mut self, mut changed: bool, events: &mut dyn FnMut(Event)) {
         let (inputs, adopted) = (&self.state.inputs, &mut self.state.adopted);
         if adopted.enable != inputs.enable {
             adopted.enable = inputs.enable;
             self.state.fade_left_ns = nanoseconds(self.fixed.exchange_fade_s);
+            self.state.edge_fades_ns.clear();
             events(if inputs.enable { Event::Enabled } else { Event::Disabled });
         }
-        let mut changed = false;
         if adopted.asked != inputs.topology {
             adopted.asked = inputs.topology;
             let count = self.topologies.count();
             match usize::try_from(i64::from(inputs.topology) - 1) {
                 Ok(k) if k < count => {
-                    changed |= adopted.topology != k;
+                    let switched = adopted.topology != k;
+                    changed |= switched;
                     adopted.topology = k;
-                    if changed {
+                    if switched {
                         events(Event::TopologySwitched { topology: inputs.topology });
                     }
                 }
@@ -115,9 +118,13 @@ impl Controller {
     /// state holds per edge is not touched.
     pub(super) fn rebuild(&mut self) -> Topology {
         let adopted = &self.state.adopted;
-        let mut topology = self.topologies.build(adopted.topology, &adopted.available);
+        let built = self.fixed.across.as_ref().and_then(|across| self.part_topology(across));
+        let (mut topology, hops) = built
+            .unwrap_or_else(|| (self.topologies.build(adopted.topology, &adopted.available), Vec::new()));
+        self.scratch.hops = hops;
         let graph = std::mem::take(&mut topology.graph);
         self.network = Network::new(graph).sorting_out(self.fixed.outlier_filter);
+        self.surround();
         self.scratch.wave = Wave::new(&self.network);
         let edges = self.network.graph.edges().len();
         self.scratch.flows = vec![0.0; edges];
@@ -130,9 +137,18 @@ impl Controller {
     }
 
     fn carry(&mut self, before: &Network) {
+        self.carry_fades(before);
         let state = &mut self.state;
-        state.flows = hand_over(&mut state.held, before, &self.network, &state.flows);
-        state.fade_left_ns = nanoseconds(self.fixed.exchange_fade_s);
+        let (both, fade_ns) = ((before, &self.network), nanoseconds(self.fixed.exchange_fade_s));
+        let began = std::mem::take(&mut state.before.flows);
+        state.flows = hand_over(&mut state.held, both, (&state.flows, &began), fade_ns);
+        if self.fixed.across.is_some() {
+            let began = (&began, &state.before.transfers);
+            state.before = Before {
+                flows: carry_over_or(before, &self.network, began.0, &state.flows),
+                transfers: carry_over(before, &self.network, 1, began.1, 0.0),
+            };
+        }
         state.transfers = if state.transfers.is_empty() {
             vec![0.0; self.network.graph.edges().len()]
         } else {
@@ -197,7 +213,9 @@ impl Controller {
 
     /// How far back values are looked up, ns, and of how many edges the past transfers are.
     fn past_needed(&self) -> (i64, usize) {
-        let horizon_ns = self.network.longest_delay_ns().saturating_add(self.fixed.channel.horizon_ns());
+        let across_ns = self.part().map_or(0, |part| nanoseconds(part.step_s));
+        let longest_ns = self.network.longest_delay_ns().max(across_ns);
+        let horizon_ns = longest_ns.saturating_add(self.fixed.channel.horizon_ns());
         let averages = self.state.parameters.voltage_policy == VoltagePolicy::Average;
         (horizon_ns, if averages { self.network.graph.edges().len() } else { 0 })
     }
@@ -222,6 +240,10 @@ impl Controller {
     }
 
     fn tie(&self, gain: f64, eta: f64, pinned: bool) -> Tie {
+        if self.fixed.across.is_some() {
+            // Eigenvalues are those of the whole graph, which nobody here knows.
+            return Tie::default();
+        }
         let (graph, live) = (&self.network.graph, &self.topology.live);
         let (low, high) = weight_exponents(self.fixed.law, eta);
         let lambda = smallest(graph, live, gain, low, pinned);

@@ -3,6 +3,7 @@
 //! (Table I, electrical distances) belong to whoever writes the file.
 
 use super::communication::Communication;
+use super::part::Part;
 use super::told::MessageFault;
 use serde::{Deserialize, Serialize};
 
@@ -79,6 +80,9 @@ pub struct Config {
     /// Faults of what agents tell their neighbours, for trials.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub message_faults: Vec<MessageFault>,
+    /// Where these are only some of the agents of a fleet: who the others are that they hear; see `part`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<Part>,
 }
 
 fn default_eta() -> f64 {
@@ -306,6 +310,7 @@ impl Config {
             silence_s: None,
             outlier_filter: 0,
             message_faults: Vec::new(),
+            part: None,
         }
     }
 }

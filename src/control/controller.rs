@@ -1,18 +1,22 @@
 //! The controller: inputs in, setpoints out, one step at a time. Holds the state and what is derived from
 //! it; the laws are in `protocol`, what a step does in `step`, what a changed graph does in `adopt`.
 
+use super::across::Across;
 use super::authority::Authority;
-use super::config::{Config, Law, Limits, MeasurementFilter};
+use super::config::{Config, Law, MeasurementFilter};
 use super::delay::{History, QUANTITIES, Signals};
 use super::error::ConfigError;
 use super::event::Event;
 use super::exchange::Exchange;
+use super::fade::{self, Fades};
 use super::few::FEW;
 use super::io::{Inputs, Outputs, Parameters};
 use super::lag::Lag;
 use super::limits::LimitTable;
+use super::messages::{Messages, Standing};
 use super::network::{Lateness, Network};
-use super::state::{Adopted, Clock, Lags, State};
+use super::plain::is_plain;
+use super::state::{Adopted, Before, Clock, Lags, State};
 use super::time::{nanoseconds, seconds};
 use super::told::MessageFault;
 use super::topology::{Topologies, Topology};
@@ -49,6 +53,7 @@ pub(super) struct Fixed {
     pub silence_ns: Option<i64>,
     pub outlier_filter: u32,
     pub message_faults: Vec<MessageFault>,
+    pub across: Option<Across>,
     /// Whether no option asks for more than `sweep` does.
     pub is_plain: bool,
 }
@@ -77,48 +82,11 @@ pub(super) struct Scratch {
     pub told: Signals,
     pub mute: Vec<bool>,
     pub frozen: Vec<bool>,
-}
-
-/// Whether `sweep` does all that a configuration asks for, as far as nothing changes it between steps. Every option
-/// is named, so that a new one is not forgotten here.
-fn is_plain(config: &Config) -> bool {
-    let Config {
-        // What `sweep` does.
-        K_P: _,
-        K_Q: _,
-        capacity: _,
-        P_exchange_max: _,
-        omega_set_start: _,
-        V_set_start: _,
-        eta: _,
-        gains: _,
-        theta_min_s: _,
-        theta_E_s: _,
-        discretisation: _,
-        exchange_fade_s: _,
-        // What `Controller::is_plain` looks at in every step.
-        delay_s: _,
-        voltage_policy: _,
-        communication: _,
-        channel: _,
-        // What it leaves to `evaluate`.
-        law,
-        limits,
-        measurement_filter,
-        no_circulation,
-        lost_link_fade_s,
-        silence_s,
-        outlier_filter,
-        message_faults,
-    } = config;
-    *law == Law::FiniteTime
-        && *limits == Limits::default()
-        && *measurement_filter == MeasurementFilter::default()
-        && !no_circulation
-        && lost_link_fade_s.is_none()
-        && silence_s.is_none()
-        && *outlier_filter == 0
-        && message_faults.is_empty()
+    /// Links to the nearest pinned agent, by agent; of a part only.
+    pub hops: Vec<i32>,
+    /// Neighbours in other parts, and agents that have some.
+    pub slots: usize,
+    pub tellers: usize,
 }
 
 impl Controller {
@@ -133,6 +101,8 @@ impl Controller {
             available: inputs.available.clone(),
             topology: 0,
             asked: inputs.topology,
+            own: Standing::default(),
+            remote: Standing::default(),
         };
         let state = State {
             parameters: Parameters::start(&config),
@@ -147,6 +117,8 @@ impl Controller {
             held: Vec::new(),
             lags: Lags { frequency: Lag::new(&[]), voltage: Lag::new(&[]) },
             fade_left_ns: 0,
+            edge_fades_ns: Vec::new(),
+            before: Before::default(),
             shares: Vec::new(),
             followed: Vec::new(),
             owed: Default::default(),
@@ -166,9 +138,16 @@ impl Controller {
             silence_ns: config.silence_s.map(nanoseconds),
             outlier_filter: config.outlier_filter,
             message_faults: config.message_faults.clone(),
+            across: config.part.as_ref().map(|part| Across::new(part, &config.communication)),
             is_plain: is_plain(&config),
         };
         let bounded = fixed.limits.power || fixed.no_circulation;
+        let mut state = state;
+        if let Some(across) = &fixed.across {
+            let unheard = |agents: &[usize]| Messages::unheard(agents.len(), across.hops(0, agents));
+            (state.inputs.remote, state.outputs.local) = (unheard(&across.slots), unheard(&across.tellers));
+            across.slots.iter().for_each(|&slot| state.inputs.available[slot] = false);
+        }
         let faulty = if fixed.message_faults.is_empty() { 0 } else { n };
         let scratch = Scratch {
             signals: Signals::new(n),
@@ -183,6 +162,8 @@ impl Controller {
             told: Signals::new(faulty),
             mute: vec![false; faulty],
             frozen: vec![false; faulty],
+            slots: fixed.across.as_ref().map_or(0, |across| across.slots.len()),
+            tellers: fixed.across.as_ref().map_or(0, |across| across.tellers.len()),
             ..Scratch::default()
         };
         let mut controller = Self {
@@ -268,7 +249,6 @@ impl Controller {
         outputs.P_set.fill(0.0);
         outputs.Q_set.fill(0.0);
         adopted.enable = inputs.enable;
-        adopted.available.copy_from_slice(&inputs.available);
         adopted.asked = inputs.topology;
         let chosen = usize::try_from(i64::from(inputs.topology) - 1);
         adopted.topology = chosen.ok().filter(|&k| k < self.topologies.count()).unwrap_or(0);
@@ -286,22 +266,28 @@ impl Controller {
         self.state.owed.clone_from(&self.scratch.owed);
         self.state.authority.clone_from(&self.scratch.authority);
         self.state.fade_left_ns = nanoseconds(self.fixed.exchange_fade_s);
+        self.state.edge_fades_ns.clear();
         self.state.told = vec![0.0; QUANTITIES * self.scratch.mute.len()];
         self.state.held.clear();
         self.state.history = History::new(n, 0);
         self.state.lags = Lags::start(&self.state.outputs);
+        self.state.before = Before::default();
+        self.introduce();
+        self.state.adopted.available.clone_from(&self.state.inputs.available);
         self.rebuild();
         self.state.flows = vec![0.0; self.network.graph.edges().len()];
         self.state.transfers = self.state.flows.clone();
+        self.remember_before();
         self.state.received_ns = vec![i64::MIN; self.scratch.received_ns.len()];
         self.refresh(&mut |_| {});
+        self.tell_outside(false);
     }
 
     /// Brings the five inputs of the paper and the diagnostics in line with the inputs and parameters
     /// set so far, with the step size of the last step. The setpoints stay. Where availability, topology
     /// or parameters have changed, the graph and the eigenvalues are made anew here, and said so.
     pub fn refresh(&mut self, events: &mut dyn FnMut(Event)) {
-        self.adopt(events);
+        self.adopt(false, events);
         let clock = self.state.clock;
         if self.is_plain() {
             self.look_around(clock.step_ns, false);
@@ -317,7 +303,8 @@ impl Controller {
         if duration_ns <= 0 {
             return;
         }
-        self.adopt(events);
+        let changes = self.take_standings();
+        self.adopt(changes, events);
         if self.is_plain() {
             self.look_around(duration_ns, true);
             self.pass(start_ns, duration_ns);
@@ -343,15 +330,16 @@ impl Controller {
         state.check(self.agents(), self.topologies.count(), &self.scratch)?;
         if self.state.adopted.graph() == state.adopted.graph() {
             // The usual rollback: the graph is there already, and perhaps its eigenvalues.
-            state.check_edges(self.network.graph.edges().len(), self.scratch.received_ns.len())?;
+            let edges = (self.network.graph.edges().len(), self.scratch.received_ns.len());
+            state.check_edges(edges, self.fixed.across.is_some())?;
             self.state.clone_from(state);
             self.state.outputs.cluster.copy_from_slice(&self.topology.cluster);
         } else {
             let before = self.clone();
             self.state.clone_from(state);
             self.rebuild();
-            let edges = self.network.graph.edges().len();
-            if let Err(error) = self.state.check_edges(edges, self.scratch.received_ns.len()) {
+            let edges = (self.network.graph.edges().len(), self.scratch.received_ns.len());
+            if let Err(error) = self.state.check_edges(edges, self.fixed.across.is_some()) {
                 *self = before;
                 return Err(error);
             }
@@ -360,14 +348,14 @@ impl Controller {
         Ok(())
     }
 
-    pub(super) fn exchange_of<'a>(&'a self, power: SignPower, theta_s: f64, h_ns: i64) -> Exchange<'a> {
+    pub(super) fn exchange_of<'a>(&'a self, power: SignPower, theta_s: [f64; 2], h_ns: i64) -> Exchange<'a> {
         let parameters = &self.state.parameters;
         Exchange {
             power,
             gain: parameters.gain_E,
             theta_s,
             h_s: seconds(h_ns),
-            fade: self.fade(h_ns),
+            fades: self.fades(h_ns),
             capacity: &parameters.capacity,
             P_max: &parameters.P_exchange_max,
             ended: &self.scratch.ended,
@@ -380,7 +368,11 @@ impl Controller {
 
     /// Share of a step of `h_ns` in what is left of the fade: a straight line from what the exchange was.
     pub(super) fn fade(&self, h_ns: i64) -> f64 {
-        let left = self.state.fade_left_ns;
-        if h_ns >= left { 1.0 } else { h_ns.max(0) as f64 / left as f64 }
+        fade::share(h_ns, self.state.fade_left_ns)
+    }
+
+    /// The same edge by edge.
+    pub(super) fn fades(&self, h_ns: i64) -> Fades<'_> {
+        Fades { h_ns, left_ns: self.state.fade_left_ns, of_edges_ns: &self.state.edge_fades_ns }
     }
 }

@@ -21,8 +21,8 @@ pub fn estimates(network: &Network, transfers: &[f64], V: &[f64], vbar: &mut [f6
 }
 
 /// One Metropolis step on what both ends agree on: z_ij(t + h) = z_ij(t - tau) - (tau + h) f_ij(t - tau), f_ij the
-/// capped flow (DESIGN 1.1) of vbar_i - vbar_j with theta = max(tau + h, theta_min); `flow` is made for no delay,
-/// at which this is z_ij -= h f_ij.
+/// capped flow (DESIGN 1.1) of vbar_i - vbar_j with theta = max(tau + h, theta_min); `flows` are made for no delay,
+/// at which this is z_ij -= h f_ij, the second for edges between parts of a fleet.
 ///
 /// Taking the transfer too at t - tau makes each round of messages a full step of consensus, where an
 /// integrator z_ij' = -f_ij(t - tau) must be kept slow, theta >= 2 tau, not to overshoot on old values. In the
@@ -34,7 +34,7 @@ pub fn advance(
     network: &Network,
     history: &History,
     signals: &Signals,
-    flow: &Flow,
+    flows: [&Flow; 2],
     h_ns: i64,
     before: &[f64],
     after: &mut [f64],
@@ -43,7 +43,13 @@ pub fn advance(
     for (e, edge) in network.graph.edges().iter().enumerate() {
         let (at_a, at_b) = network.agreed(e, history, Quantity::MeanV, vbar);
         let (z, age_ns) = network.agreed_transfer(e, history, before);
-        let (mut flow, mut share) = (*flow, network.shares[e]);
+        let (a, b) = edge.ends();
+        if network.is_closed(a, b) {
+            after[e] = before[e];
+            continue;
+        }
+        let mut flow = *flows[usize::from(network.crosses(edge.a, edge.b))];
+        let mut share = network.shares[e];
         let round_s = seconds(age_ns.saturating_add(h_ns));
         if age_ns > 0 {
             flow.inverse_theta = flow.inverse_theta.min(1.0 / round_s);

@@ -8,6 +8,7 @@ use super::diagnosis::{CHUNK, Diagnosis, Seen};
 use super::discretisation::{Flow, SignPower, boundary_layer};
 use super::estimator::estimates;
 use super::exchange::{HeldLink, ramp, setpoints};
+use super::fade::share;
 use super::lag::{Lag, no_load};
 use super::network::{Hearing, Lateness};
 use super::protocol::{View, active_power, average_voltage, energy, frequency, reactive_power, voltage};
@@ -42,6 +43,7 @@ impl Controller {
     pub(super) fn evaluate(&mut self, now_ns: i64, h_ns: i64) {
         let h_s = seconds(h_ns);
         self.measure(now_ns);
+        self.hear();
         self.find_faulty(now_ns);
         let mut told = std::mem::take(&mut self.scratch.told);
         self.tell_instead((now_ns, 0.0), &self.scratch.signals, &mut told);
@@ -221,6 +223,35 @@ impl Controller {
         self.state.parameters.discretisation == Discretisation::Capped
     }
 
+    /// Whether an ended link fades because both ends are there but no longer linked.
+    pub(super) fn fades_now(&self, link: &HeldLink) -> bool {
+        let ends = [link.a as usize, link.b as usize];
+        match self.network.outer() {
+            Some(outer) if outer.crosses(ends[0], ends[1]) => {
+                outer.are_available(ends[0], ends[1]) && !outer.is_closed(ends[0], ends[1])
+            }
+            _ => link.is_between_live(&self.topology.live),
+        }
+    }
+
+    /// Whether both ends of an ended link do the same with it now: one that ends a link to another part waits until
+    /// that has heard of it.
+    fn is_known_to_both(&self, link: &HeldLink) -> bool {
+        let ends = [link.a as usize, link.b as usize];
+        let lost = |i: usize| !self.topology.live[i] && !self.is_outside(i);
+        !(self.network.crosses(link.a, link.b) && self.fades_now(link) && ends.into_iter().any(lost))
+            && !self.network.is_closed(ends[0], ends[1])
+    }
+
+    /// Boundary layers of the exchange for a step of `h_s`, s: inside a part of a fleet, and between two.
+    pub(super) fn exchange_layers<S: Scalar>(&self, h_s: f64, theta_E_s: S) -> [S; 2] {
+        let across = match self.state.parameters.discretisation {
+            Discretisation::Capped => S::constant(h_s).max(theta_E_s),
+            Discretisation::Explicit => theta_E_s,
+        };
+        [self.exchange_layer_of(h_s, theta_E_s), across]
+    }
+
     /// Boundary layer of the exchange for a step of `h_s`, s.
     pub(super) fn exchange_layer(&self, h_s: f64) -> f64 {
         self.exchange_layer_of(h_s, self.state.parameters.theta_E)
@@ -240,7 +271,7 @@ impl Controller {
     /// (11): the flows and P_set that a step of `h_s` would set, and u_E.
     fn exchange(&mut self, h_ns: i64) {
         self.count_ended();
-        let theta_s = self.exchange_layer(seconds(h_ns));
+        let theta_s = self.exchange_layers(seconds(h_ns), self.state.parameters.theta_E);
         let mut flows = std::mem::take(&mut self.scratch.flows);
         let mut saturated = std::mem::take(&mut self.state.outputs.saturated);
         let mut P_set = std::mem::take(&mut self.scratch.P_set);
@@ -277,8 +308,11 @@ impl Controller {
 
     /// What an ended link carries after a step of `h_ns`, pu.
     pub(super) fn carries(&self, link: &HeldLink, h_ns: i64) -> f64 {
-        let faded = if link.is_between_live(&self.topology.live) {
-            link.flow * (1.0 - self.fade(h_ns))
+        if !self.is_known_to_both(link) {
+            return link.flow;
+        }
+        let faded = if self.fades_now(link) {
+            link.flow * (1.0 - share(h_ns, link.left_ns))
         } else {
             let fade = |fade_s: f64| link.flow * (-seconds(h_ns) / fade_s).exp();
             self.fixed.lost_link_fade_s.map_or(link.flow, fade)

@@ -3,6 +3,8 @@
 
 use super::delay::{History, Quantity, Signals};
 use super::discretisation::SignPower;
+use super::fade::Fades;
+use super::graph::Edge;
 use super::limits::LimitTable;
 use super::network::{Lateness, Network};
 use super::scalar::Scalar;
@@ -18,16 +20,17 @@ pub struct Exchange<'a, S = f64> {
     pub power: SignPower<S>,
     /// g_E.
     pub gain: S,
-    /// max(h, theta_E), s; zero is the bare law.
-    pub theta_s: S,
+    /// max(h, theta_E), s; zero is the bare law. Then the same between two parts of a fleet, which do not know how
+    /// late the other one's measurements are.
+    pub theta_s: [S; 2],
     /// Step, s, for the ramps.
     pub h_s: f64,
     /// C_i, pu*h.
     pub capacity: &'a [f64],
     /// P_exchange_max_i, pu.
     pub P_max: &'a [f64],
-    /// Share of the step's law in the flows, the rest being those of the last step: 1 but while they fade.
-    pub fade: f64,
+    /// What is left of the fade of each flow.
+    pub fades: Fades<'a>,
     /// Number of ended links that may still carry something, by agent.
     pub ended: &'a [u32],
     /// Limits of the BESS.
@@ -65,22 +68,28 @@ impl<S: Scalar> Exchange<'_, S> {
             let (soc_a, soc_b) = network.agreed_late(e, past, Quantity::Soc, signals.of(Quantity::Soc));
             let (P_a, P_b) = network.agreed_late(e, past, Quantity::Share, signals.of(Quantity::Share));
             let d = soc_a - soc_b;
-            let peers = |i: usize| f64::from(network.graph.peers(i));
+            if network.is_closed(a, b) {
+                flows[e] = c(last[e]);
+                continue;
+            }
+            let peers = network.peers_of([a, b]).map(f64::from);
+            let crowd = c(1.0 + peers[0].max(peers[1]));
+            let theta_s = self.theta_s[usize::from(network.crosses(edge.a, edge.b))];
             let m = d.abs();
             let law = c(SECONDS_PER_HOUR) * self.gain * c(edge.weight) * self.power.magnitude(m);
-            let theta = if self.theta_s.value() > 0.0 {
+            let theta = if theta_s.value() > 0.0 {
                 let longer = if edge.delay_ns.is_some() { c(0.0) } else { c(2.0) * self.late.delay };
-                self.theta_s.max(c(2e-9 * network.delays_ns[e] as f64) + longer)
+                theta_s.max(c(2e-9 * network.delays_ns[e] as f64) + longer)
             } else {
                 c(0.0)
             };
             let least = self.capacity[a].min(self.capacity[b]);
-            let cap = c(SECONDS_PER_HOUR * least) * m / (theta * c(1.0 + peers(a).max(peers(b))));
+            let cap = c(SECONDS_PER_HOUR * least) * m / (theta * crowd);
             let wanted = if d.value() == 0.0 {
                 d.through_zero(|| {
                     let law = SECONDS_PER_HOUR * self.gain.value() * edge.weight;
                     let law = if law == 0.0 { 0.0 } else { law * self.power.slope_at_zero() };
-                    let cap = SECONDS_PER_HOUR * least / (theta.value() * (1.0 + peers(a).max(peers(b))));
+                    let cap = SECONDS_PER_HOUR * least / (theta.value() * crowd.value());
                     if law.min(cap).is_finite() { law.min(cap) } else { 0.0 }
                 })
             } else {
@@ -92,13 +101,15 @@ impl<S: Scalar> Exchange<'_, S> {
             } else {
                 ((b, P_b, soc_b), (a, P_a, soc_a))
             };
-            let give = self.most(giver, P_giver, soc_giver, 1.0) / c(peers(giver));
-            let take = self.most(taker, P_taker, soc_taker, -1.0) / c(peers(taker));
+            let [of_giver, of_taker] = if giver == a { peers } else { [peers[1], peers[0]] };
+            let give = self.most(giver, P_giver, soc_giver, 1.0) / c(of_giver);
+            let take = self.most(taker, P_taker, soc_taker, -1.0) / c(of_taker);
             limited[giver] |= wanted.value() > give.value();
             limited[taker] |= wanted.value() > take.value();
             let flow = wanted.min(give).min(take).copysign(d);
             let rate = ramp(network, self.limits, self.ended, [a, b]);
-            let flow = if self.fade < 1.0 { c(last[e]) + c(self.fade) * (flow - c(last[e])) } else { flow };
+            let fade = self.fades.share(e);
+            let flow = if fade < 1.0 { c(last[e]) + c(fade) * (flow - c(last[e])) } else { flow };
             let step = rate * self.h_s;
             flows[e] =
                 if step.is_finite() { flow.min(c(last[e] + step)).max(c(last[e] - step)) } else { flow };
@@ -122,10 +133,8 @@ impl<S: Scalar> Exchange<'_, S> {
 /// Share of a link in the ramps of the P_set of its two ends, pu/s: the ramp of an agent is that of all its links
 /// together, those that ended and still fade among them.
 pub fn ramp(network: &Network, limits: &LimitTable, ended: &[u32], ends: [usize; 2]) -> f64 {
-    let [a, b] = ends.map(|i| {
-        let links = network.graph.peers(i) + ended[i];
-        limits.P_set_rate[i] / f64::from(links)
-    });
+    let (peers, ended) = (network.peers_of(ends), network.ended_of(ends, ended));
+    let [a, b] = [0, 1].map(|k| limits.P_set_rate[ends[k]] / f64::from(peers[k] + ended[k]));
     a.min(b)
 }
 
@@ -166,6 +175,10 @@ pub struct HeldLink {
     pub b: u32,
     /// Power from `a` to `b`, pu.
     pub flow: f64,
+    /// The same before the last step.
+    pub before: f64,
+    /// Time left of its fade, ns.
+    pub left_ns: i64,
 }
 
 impl HeldLink {
@@ -191,9 +204,21 @@ pub fn carry_over<T: Copy>(from: &Network, to: &Network, per_edge: usize, values
     carried
 }
 
+/// The same of one value per edge, new edges starting with theirs in `fresh`.
+pub fn carry_over_or(from: &Network, to: &Network, values: &[f64], fresh: &[f64]) -> Vec<f64> {
+    let edges = to.graph.edges().iter().zip(fresh);
+    let old = |edge: &Edge| values.get(from.graph.find(edge.a, edge.b)?).copied();
+    edges.map(|(edge, &fresh)| old(edge).unwrap_or(fresh)).collect()
+}
+
 /// The flows over the edges of `now` that go on from those over `before` without a jump: edges in both keep
 /// theirs, ended ones are held, held ones that are back start with what was held.
-pub fn hand_over(held: &mut Vec<HeldLink>, before: &Network, now: &Network, flows: &[f64]) -> Vec<f64> {
+pub fn hand_over(
+    held: &mut Vec<HeldLink>,
+    (before, now): (&Network, &Network),
+    (flows, began): (&[f64], &[f64]),
+    fade_ns: i64,
+) -> Vec<f64> {
     let mut carried = match carry_over(before, now, 1, flows, 0.0) {
         kept if kept.is_empty() => vec![0.0; now.graph.edges().len()],
         kept => kept,
@@ -205,9 +230,10 @@ pub fn hand_over(held: &mut Vec<HeldLink>, before: &Network, now: &Network, flow
         }
         None => true,
     });
-    for (edge, &flow) in before.graph.edges().iter().zip(flows) {
+    for (e, (edge, &flow)) in before.graph.edges().iter().zip(flows).enumerate() {
         if flow != 0.0 && now.graph.find(edge.a, edge.b).is_none() {
-            held.push(HeldLink { a: edge.a, b: edge.b, flow });
+            let began = began.get(e).copied().unwrap_or(flow);
+            held.push(HeldLink { a: edge.a, b: edge.b, flow, before: began, left_ns: fade_ns });
         }
     }
     carried

@@ -3,6 +3,7 @@
 
 use super::config::{Config, Discretisation, VoltagePolicy};
 use super::error::{ConfigError, Problems};
+use super::messages::Messages;
 use super::validate::{Bound, agents, eta, scalar};
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +34,8 @@ pub struct Inputs {
     pub available: Vec<bool>,
     /// Number of the topology, from 1.
     pub topology: i32,
+    /// What arrived from other parts of the fleet, by neighbour outside; empty where there is none.
+    pub remote: Messages,
 }
 
 impl Inputs {
@@ -53,6 +56,7 @@ impl Inputs {
             dispatch: false,
             available: vec![true; n],
             topology: 1,
+            remote: Messages::default(),
         }
     }
 }
@@ -197,6 +201,8 @@ pub struct Outputs {
     pub cluster: Vec<i32>,
     /// Whether a limit holds agent i back.
     pub saturated: Vec<bool>,
+    /// What is told to other parts of the fleet, by agent with neighbours there.
+    pub local: Messages,
 }
 
 impl Outputs {
@@ -223,6 +229,7 @@ impl Outputs {
             T_omega: 0.0,
             cluster: vec![0; n],
             saturated: vec![false; n],
+            local: Messages::default(),
         }
     }
 }

@@ -22,10 +22,12 @@
 // The paper's letters (K_P, P_set, u_P) are the names that users know from its equations.
 #![allow(non_snake_case)]
 
+mod across;
 mod adopt;
 pub mod authority;
 mod blocks;
 pub mod certificates;
+mod channel;
 pub mod clustering;
 pub mod communication;
 pub mod config;
@@ -38,15 +40,21 @@ pub mod estimator;
 mod evaluate;
 pub mod event;
 pub mod exchange;
+mod fade;
 mod few;
 pub mod graph;
 pub mod io;
 mod kernels;
 pub mod lag;
 pub mod limits;
+pub mod messages;
 pub mod network;
 pub mod order;
+pub mod outer;
 pub mod outlier;
+pub mod part;
+pub mod partition;
+mod plain;
 pub mod power;
 pub mod protocol;
 pub mod relay;

@@ -5,6 +5,7 @@ use super::config::Channel;
 use super::delay::{Bracket, History, Quantity};
 use super::discretisation::Flow;
 use super::graph::{Edge, Graph};
+use super::outer::Outer;
 use super::outlier::{Link, Trimming};
 use super::scalar::Scalar;
 
@@ -45,6 +46,7 @@ pub struct Network {
     /// Whose end of each edge has heard nothing for too long; empty where that does not count.
     deaf: Vec<[bool; 2]>,
     trimming: Option<Trimming>,
+    pub(super) outer: Option<Outer>,
 }
 
 /// What the two ends of an edge both know of each other.
@@ -92,6 +94,7 @@ impl Network {
             agreed: Vec::new(),
             deaf: Vec::new(),
             trimming: None,
+            outer: None,
         }
     }
 
@@ -104,11 +107,21 @@ impl Network {
     pub fn set_delay(&mut self, common_ns: i64, channel: &Channel, silence_ns: Option<i64>) {
         for (delay, edge) in self.delays_ns.iter_mut().zip(self.graph.edges()) {
             *delay = edge.delay_ns.unwrap_or(common_ns);
+            if let Some(outer) = self.outer.as_ref().filter(|outer| outer.crosses_edge(edge)) {
+                *delay = (*delay).max(outer.step_ns);
+            }
         }
         let delays = self.delays_ns.iter().zip(self.graph.edges());
         let longest = delays.max_by_key(|(delay, _)| **delay);
         self.longest_delay_ns = longest.map_or(0, |(&delay, _)| delay);
         self.longest_follows_common = longest.is_some_and(|(_, edge)| edge.delay_ns.is_none());
+        if let Some(outer) = &self.outer {
+            let elsewhere = outer.longest_delay_ns.max(if outer.has_common_delay { common_ns } else { 0 });
+            if elsewhere > self.longest_delay_ns {
+                self.longest_delay_ns = elsewhere;
+                self.longest_follows_common = outer.has_common_delay && elsewhere == common_ns;
+            }
+        }
         for pin in &mut self.pins {
             (pin.delay_ns, pin.follows_common) = (0, false);
         }
@@ -156,15 +169,23 @@ impl Network {
         let Hearing { channel, silence_ns, mute } = hearing;
         let keeps_times = channel.keeps_times(silence_ns);
         for e in 0..self.known.len() {
-            let punctual = now_ns.saturating_sub(self.delays_ns[e]);
+            let mut punctual = now_ns.saturating_sub(self.delays_ns[e]);
+            let edge = self.graph.edges()[e];
+            if let (true, Some(newest_ns)) = (self.crosses(edge.a, edge.b), history.newest_ns()) {
+                // Of another part nothing younger can have arrived.
+                punctual = punctual.min(newest_ns);
+            }
             let mut times = [punctual; 2];
             if keeps_times {
-                let edge = self.graph.edges()[e];
                 for (end, (from, to)) in ENDS.into_iter().zip([(edge.b, edge.a), (edge.a, edge.b)]) {
                     let last = last_ns[2 * e + end];
                     let is_mute = mute.get(from as usize) == Some(&true);
-                    times[end] =
-                        if is_mute { last } else { channel.received(from, to, sample, punctual, last) };
+                    let [sender, receiver] = [from, to].map(|i| self.number(i));
+                    times[end] = if is_mute {
+                        last
+                    } else {
+                        channel.received(sender, receiver, sample, punctual, last)
+                    };
                     next_ns[2 * e + end] = times[end];
                     if let (Some(silence_ns), Some(deaf)) = (silence_ns, self.deaf.get_mut(e)) {
                         deaf[end] = now_ns.saturating_sub(times[end]) > silence_ns;
@@ -202,6 +223,9 @@ impl Network {
             let (a, b) = edge.ends();
             let known = self.known.get(e).copied().unwrap_or([Bracket::NOW; 2]);
             let deaf = self.deaf.get(e).copied().unwrap_or([false; 2]);
+            if self.is_closed(a, b) {
+                continue;
+            }
             let late = late.of(edge.delay_ns);
             let along = |d: S| flow.along(edge.weight, d, self.shares[e]);
             if known == [Bracket::NOW; 2] && is_true && deaf == [false; 2] {
@@ -209,7 +233,7 @@ impl Network {
                 out[a] = out[a] - f;
                 out[b] = out[b] + f;
             } else {
-                let of = |end: usize, i: usize| history.value_late(known[end], quantity, i, told, late);
+                let of = |end: usize, i: usize| self.value(history, known[end], (quantity, i), told, late);
                 if !deaf[0] {
                     out[a] = out[a] - along(x[a] - of(0, b));
                 }
@@ -234,12 +258,13 @@ impl Network {
             let links = trimming.links(i);
             let hears = |link: &Link| {
                 self.deaf.get(link.edge as usize).is_none_or(|deaf| !deaf[usize::from(link.end)])
+                    && !self.is_closed(i, link.neighbour as usize)
             };
             let value = |link: &Link| {
                 let e = link.edge as usize;
                 let known = self.known.get(e).map_or(Bracket::NOW, |known| known[usize::from(link.end)]);
                 let late = late.of(self.graph.edges()[e].delay_ns);
-                history.value_late(known, quantity, link.neighbour as usize, told, late)
+                self.value(history, known, (quantity, link.neighbour as usize), told, late)
             };
             for link in links.iter().filter(|link| hears(link)) {
                 if trimming.keeps(link, links, hears, |link| value(link).value()) {
@@ -295,7 +320,7 @@ impl Network {
         let edge = self.graph.edges()[e];
         let (a, b) = edge.ends();
         let late = late.of(edge.delay_ns);
-        let of = |at: Bracket, i: usize| history.value_late(at, quantity, i, x, late);
+        let of = |at: Bracket, i: usize| self.value(history, at, (quantity, i), x, late);
         match self.agreed.get(e) {
             None => (x[a], x[b]),
             Some(&Agreed { at, .. }) => (of(at, a), of(at, b)),

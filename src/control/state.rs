@@ -8,6 +8,7 @@ use super::error::{ConfigError, Problems};
 use super::exchange::HeldLink;
 use super::io::{Inputs, Outputs, Parameters};
 use super::lag::Lag;
+use super::messages::Standing;
 use serde::{Deserialize, Serialize};
 
 /// The state of a controller; made and read by [`super::Controller`] only.
@@ -32,6 +33,10 @@ pub struct State {
     pub(super) lags: Lags,
     /// Time left of the fade of the exchange, ns.
     pub(super) fade_left_ns: i64,
+    /// The same by edge; empty while all are alike.
+    pub(super) edge_fades_ns: Vec<i64>,
+    /// What the last step began with.
+    pub(super) before: Before,
     /// Share of the load, and P_set as the power follows it, by agent, pu; empty where no limit asks for them.
     pub(super) shares: Vec<f64>,
     pub(super) followed: Vec<f64>,
@@ -41,6 +46,13 @@ pub struct State {
     pub(super) authority: Vec<Authority>,
     /// What was told last, quantity by quantity and agent by agent; empty without faults of messages.
     pub(super) told: Vec<f64>,
+}
+
+/// Flows and transfers that a step began with, by edge, to take it back; empty where nobody would.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Before {
+    pub flows: Vec<f64>,
+    pub transfers: Vec<f64>,
 }
 
 /// How late the measurements are, by droop.
@@ -66,12 +78,15 @@ pub(super) struct Adopted {
     pub topology: usize,
     /// The number asked for when it was last looked at.
     pub asked: i32,
+    /// How one's own agents with neighbours in other parts, and those, told that they stand; empty without.
+    pub own: Standing,
+    pub remote: Standing,
 }
 
 impl Adopted {
     /// What the graph in force was built for: the topology, from 0, and who is available.
-    pub fn graph(&self) -> (usize, &[bool]) {
-        (self.topology, &self.available)
+    pub fn graph(&self) -> (usize, &[bool], &Standing, &Standing) {
+        (self.topology, &self.available, &self.own, &self.remote)
     }
 }
 
@@ -154,7 +169,13 @@ impl State {
         if self.adopted.topology >= topologies {
             problems.add("adopted.topology", self.adopted.topology, format!("below {topologies}"));
         }
-        if self.fade_left_ns < 0 {
+        inputs.remote.check("inputs.remote", scratch.slots, &mut problems);
+        outputs.local.check("outputs.local", scratch.tellers, &mut problems);
+        for (standing, count) in [(&self.adopted.own, scratch.tellers), (&self.adopted.remote, scratch.slots)]
+        {
+            standing.check("adopted", count, &mut problems);
+        }
+        if self.fade_left_ns < 0 || self.edge_fades_ns.iter().any(|&left| left < 0) {
             problems.add("fade_left_ns", self.fade_left_ns, "not negative");
         }
         if self.clock.step_ns < 0 {
@@ -164,7 +185,8 @@ impl State {
             problems.add("history", "arrays that do not fit", format!("finite samples of {n} agents"));
         }
         for (k, link) in self.held.iter().enumerate() {
-            let fits = link.a < link.b && (link.b as usize) < n && link.flow.is_finite();
+            let numbers = link.flow.is_finite() && link.before.is_finite() && link.left_ns >= 0;
+            let fits = link.a < link.b && (link.b as usize) < n && numbers;
             if !fits {
                 problems.add(format!("held[{k}]"), format!("{link:?}"), format!("a link among {n} agents"));
             }
@@ -175,10 +197,21 @@ impl State {
     }
 
     /// Whether the numbers per edge fit a graph with `edges` edges.
-    pub(super) fn check_edges(&self, edges: usize, received: usize) -> Result<(), ConfigError> {
+    pub(super) fn check_edges(
+        &self,
+        (edges, received): (usize, usize),
+        parts: bool,
+    ) -> Result<(), ConfigError> {
         let mut problems = Problems::default();
         length(&mut problems, "flows", self.flows.len(), edges);
         length(&mut problems, "transfers", self.transfers.len(), edges);
+        if !self.edge_fades_ns.is_empty() {
+            length(&mut problems, "edge_fades_ns", self.edge_fades_ns.len(), edges);
+        }
+        if parts {
+            finite(&mut problems, "before.flows", &self.before.flows, edges);
+            finite(&mut problems, "before.transfers", &self.before.transfers, edges);
+        }
         length(&mut problems, "received_ns", self.received_ns.len(), received);
         if !self.history.transfers_fit(edges) {
             problems.add("history", "transfers that do not fit", format!("finite ones of {edges} edges"));
@@ -187,7 +220,7 @@ impl State {
     }
 }
 
-fn length(problems: &mut Problems, path: &str, found: usize, expected: usize) {
+pub(super) fn length(problems: &mut Problems, path: &str, found: usize, expected: usize) {
     if found != expected {
         problems.add(
             path,
@@ -197,7 +230,7 @@ fn length(problems: &mut Problems, path: &str, found: usize, expected: usize) {
     }
 }
 
-fn finite(problems: &mut Problems, path: &str, values: &[f64], expected: usize) {
+pub(super) fn finite(problems: &mut Problems, path: &str, values: &[f64], expected: usize) {
     length(problems, path, values.len(), expected);
     if let Some((i, x)) = values.iter().enumerate().find(|(_, x)| !x.is_finite()) {
         problems.add(format!("{path}[{i}]"), x, "a finite number");

@@ -4,6 +4,7 @@
 use super::config::VoltagePolicy;
 use super::controller::Controller;
 use super::estimator;
+use super::lag::Lag;
 use super::state::{Clock, State};
 use super::time::seconds;
 
@@ -11,6 +12,7 @@ impl Controller {
     /// Advances from the evaluation at `start_ns` by `duration_ns`.
     pub(super) fn advance(&mut self, start_ns: i64, duration_ns: i64) {
         self.learn();
+        self.remember_before();
         // What is remembered of this sample are the transfers before the step.
         self.scratch.transfers.copy_from_slice(&self.state.transfers);
         if self.state.adopted.enable {
@@ -28,6 +30,7 @@ impl Controller {
         state.history.push(start_ns, scratch.told(), &state.transfers);
         state.transfers.copy_from_slice(&scratch.transfers);
         self.remember_told();
+        self.tell_outside(true);
         self.tick(start_ns, duration_ns);
     }
 
@@ -35,6 +38,16 @@ impl Controller {
     pub(super) fn pass(&mut self, start_ns: i64, duration_ns: i64) {
         self.state.fade_left_ns = (self.state.fade_left_ns - duration_ns).max(0);
         self.tick(start_ns, duration_ns);
+    }
+
+    /// What a step begins with, where it may have to be taken back.
+    pub(super) fn remember_before(&mut self) {
+        if self.fixed.across.is_some() {
+            let State { before, flows, transfers, held, .. } = &mut self.state;
+            before.flows.clone_from(flows);
+            before.transfers.clone_from(transfers);
+            held.iter_mut().for_each(|link| link.before = link.flow);
+        }
     }
 
     fn tick(&mut self, start_ns: i64, duration_ns: i64) {
@@ -66,6 +79,7 @@ impl Controller {
     fn integrate(&mut self, h_ns: i64) {
         let h_s = seconds(h_ns);
         let average = self.flow(self.state.parameters.gain_V, &self.state.lags.voltage, h_s);
+        let across = self.flow(self.state.parameters.gain_V, &Lag::new(&[]), h_s);
         let (state, scratch, live) = (&mut self.state, &self.scratch, &self.topology.live);
         let outputs = &mut state.outputs;
         for i in 0..live.len() {
@@ -80,17 +94,19 @@ impl Controller {
         state.flows.copy_from_slice(&scratch.flows);
         for k in 0..self.state.held.len() {
             self.state.held[k].flow = self.carries(&self.state.held[k], h_ns);
+            if self.fades_now(&self.state.held[k]) {
+                self.state.held[k].left_ns = (self.state.held[k].left_ns - h_ns).max(0);
+            }
         }
-        let (state, scratch, live) = (&mut self.state, &mut self.scratch, &self.topology.live);
-        state.fade_left_ns = (state.fade_left_ns - h_ns).max(0);
-        if state.fade_left_ns == 0 {
-            // Where a ramp is slower than the fade, some still carry something.
-            state.held.retain(|link| link.flow != 0.0 || !link.is_between_live(live));
-        }
+        let (state, scratch) = (&mut self.state, &mut self.scratch);
+        state.pass_fades(h_ns, &self.network);
+        // Where a ramp is slower than the fade, some still carry something.
+        state.held.retain(|link| link.left_ns > 0 || link.flow != 0.0);
         if state.parameters.voltage_policy == VoltagePolicy::Average {
             let mut after = std::mem::take(&mut scratch.transfers);
             let (history, signals, before) = (&state.history, scratch.told(), &state.transfers);
-            estimator::advance(&self.network, history, signals, &average, h_ns, before, &mut after);
+            let flows = [&average, &across];
+            estimator::advance(&self.network, history, signals, flows, h_ns, before, &mut after);
             scratch.transfers = after;
         }
     }

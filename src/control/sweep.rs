@@ -48,6 +48,7 @@ impl Controller {
             && self.network.is_present()
             && !state.history.is_kept()
             && state.held.is_empty()
+            && state.edge_fades_ns.is_empty()
     }
 
     /// As `evaluate`; with `moves` also as `advance`, but for what time and exchange leave behind.

@@ -169,9 +169,11 @@ impl Controller {
             let values = self.scratch.signals.of(quantity);
             signals.of_mut(quantity).iter_mut().zip(values).for_each(|(dual, &value)| dual.value = value);
         }
+        self.remote_rates(tangents);
+        let signals = &mut tangents.signals;
         // The estimates of the mean voltage are V plus what is held.
         let [_, _, V, _, _, vbar, _] = &mut signals.0;
-        for (i, vbar) in vbar.iter_mut().enumerate() {
+        for (i, vbar) in vbar.iter_mut().enumerate().filter(|&(i, _)| !self.is_outside(i)) {
             *vbar = Dual::new(self.scratch.signals.of(Quantity::MeanV)[i], V[i].tangent);
         }
     }
@@ -242,11 +244,11 @@ impl Controller {
         let exchange = Exchange {
             power: tuned.power,
             gain: Dual::new(parameters.gain_E, tangents.parameters.gain_E),
-            theta_s: self.exchange_layer_of(h_s, theta_E),
+            theta_s: self.exchange_layers(h_s, theta_E),
             h_s,
             capacity: &parameters.capacity,
             P_max: &parameters.P_exchange_max,
-            fade: self.fade(h_ns),
+            fades: self.fades(h_ns),
             ended: &self.scratch.ended,
             limits: &self.fixed.limits,
             no_circulation: self.fixed.no_circulation,

@@ -53,7 +53,7 @@ impl Controller {
 
     /// Rate of an eigenvalue; only a varying gain or exponent costs anything (and allocates).
     fn eigenvalue_rate(&self, gain: (f64, f64), exponent: Dual, pinned: bool) -> f64 {
-        if gain.1 == 0.0 && exponent.tangent == 0.0 {
+        if (gain.1 == 0.0 && exponent.tangent == 0.0) || self.part().is_some() {
             return 0.0;
         }
         let exponent = (exponent.value, exponent.tangent);
@@ -85,6 +85,7 @@ impl Tangents {
         for values in [&mut inputs.P, &mut inputs.Q, &mut inputs.V, &mut inputs.omega, &mut inputs.E] {
             values.fill(0.0);
         }
+        inputs.remote.values.iter_mut().for_each(|values| values.fill(0.0));
         (inputs.omega_ref, inputs.V_ref, inputs.P_ref) = (0.0, 0.0, 0.0);
         let parameters = &mut self.parameters;
         for value in [
@@ -102,6 +103,7 @@ impl Tangents {
         }
         let outputs = &mut self.outputs;
         // Sampled: they rest until the next step, in every direction.
+        outputs.local.values.iter_mut().for_each(|values| values.fill(0.0));
         outputs.P_set.fill(0.0);
         outputs.Q_set.fill(0.0);
     }

@@ -86,7 +86,7 @@ impl MessageFault {
     }
 
     /// Whether neighbours get nothing that they could use.
-    fn is_mute(&self) -> bool {
+    pub(super) fn is_mute(&self) -> bool {
         matches!(self.kind, MessageFaultKind::Nan | MessageFaultKind::Freeze)
     }
 
@@ -150,6 +150,9 @@ impl Controller {
         let n = self.agents();
         for fault in self.fixed.message_faults.iter().filter(|fault| fault.is_active(now_ns)) {
             let i = fault.agent();
+            if self.is_outside(i) {
+                continue;
+            }
             for q in (0..QUANTITIES).filter(|&q| fault.touches(q)) {
                 // Before the first sample there is nothing to go back to.
                 let last = if self.state.clock.samples == 0 {
@@ -188,9 +191,16 @@ impl Controller {
         let is_back = |fault: &MessageFault| {
             fault.is_mute() && fault.is_active(clock.sampled_ns) && !fault.is_active(now_ns)
         };
-        if clock.samples > 0 && self.fixed.message_faults.iter().any(is_back) {
-            self.state.fade_left_ns = nanoseconds(self.fixed.exchange_fade_s);
+        if clock.samples == 0 || !self.fixed.message_faults.iter().any(is_back) {
+            return;
         }
+        let back = |i: u32| self.fixed.message_faults.iter().any(|f| is_back(f) && f.agent() == i as usize);
+        let (state, fade_ns) = (&self.state, nanoseconds(self.fixed.exchange_fade_s));
+        let left = |e: usize| state.edge_fades_ns.get(e).copied().unwrap_or(state.fade_left_ns);
+        let edges = self.network.graph.edges().iter().enumerate();
+        let fades = edges.map(|(e, edge)| if back(edge.a) || back(edge.b) { fade_ns } else { left(e) });
+        let fades = fades.collect();
+        self.state.set_fades(fades);
     }
 
     /// Who has stopped moves no setpoint.

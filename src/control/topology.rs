@@ -72,6 +72,16 @@ impl Topologies {
         graphs.iter().flat_map(move |written| written.graph.neighbours(i)).map(|&j| j as usize)
     }
 
+    /// Graph, clusters and leaders of topology `k`, where it is written out.
+    pub(super) fn written(&self, k: usize) -> Option<(&Graph, &[i32], &[usize])> {
+        match &self.0 {
+            Source::Explicit(list) => list
+                .get(k)
+                .map(|written| (&written.graph, written.cluster.as_slice(), written.leaders.as_slice())),
+            Source::StepByStep { .. } => None,
+        }
+    }
+
     /// How CAK found the clusters, when distances were given.
     pub fn clustering(&self) -> Option<&Clustering> {
         match &self.0 {

@@ -5,7 +5,7 @@ use super::communication::{Communication, ExplicitTopology, StepByStep};
 use super::config::{Config, Law};
 use super::error::{ConfigError, Problems};
 use super::graph::{Edge, Graph};
-use super::told;
+use super::{part, told};
 
 impl Config {
     /// All problems of this configuration, or `Ok`.
@@ -34,9 +34,14 @@ impl Config {
                     problems.add("communication.explicit.topologies", "none", "at least one topology");
                 }
                 for (k, topology) in e.topologies.iter().enumerate() {
-                    explicit(&mut problems, topology, &format!("communication.explicit.topologies[{k}]"), n);
+                    let path = format!("communication.explicit.topologies[{k}]");
+                    let fleet = self.part.as_ref().map(|part| part.fleet as usize);
+                    explicit(&mut problems, topology, &path, (n, fleet));
                 }
             }
+        }
+        if let Some(part) = &self.part {
+            part::check(&mut problems, self, part, n);
         }
         problems.into_result()
     }
@@ -219,7 +224,14 @@ fn step_by_step(problems: &mut Problems, config: &StepByStep, n: usize) {
     }
 }
 
-fn explicit(problems: &mut Problems, topology: &ExplicitTopology, path: &str, n: usize) {
+/// `fleet` is the number of agents of the fleet where these are a part of it, whose graph need not hang together.
+fn explicit(
+    problems: &mut Problems,
+    topology: &ExplicitTopology,
+    path: &str,
+    (n, fleet): (usize, Option<usize>),
+) {
+    let clusters_most = fleet.unwrap_or(n);
     let exists = |agent: u32| agent >= 1 && agent as usize <= n;
     let known = format!("an agent number from 1 to {n}");
     let mut edges = Vec::with_capacity(topology.edges.len());
@@ -276,8 +288,9 @@ fn explicit(problems: &mut Problems, topology: &ExplicitTopology, path: &str, n:
             );
         }
         for (i, &c) in clusters.iter().enumerate() {
-            if c < 1 || c as usize > n {
-                problems.add(format!("{path}.clusters[{i}]"), c, format!("a cluster number from 1 to {n}"));
+            if c < 1 || c as usize > clusters_most {
+                let expected = format!("a cluster number from 1 to {clusters_most}");
+                problems.add(format!("{path}.clusters[{i}]"), c, expected);
             }
         }
     }
@@ -286,7 +299,9 @@ fn explicit(problems: &mut Problems, topology: &ExplicitTopology, path: &str, n:
             problems.add(format!("{path}.leaders[{k}]"), leader, known.clone());
         }
     }
-    connected(problems, path, Graph::new(n, edges.into_iter().map(|(e, _)| e).collect(), pins));
+    if fleet.is_none() {
+        connected(problems, path, Graph::new(n, edges.into_iter().map(|(e, _)| e).collect(), pins));
+    }
 }
 
 fn connected(problems: &mut Problems, path: &str, graph: Graph) {

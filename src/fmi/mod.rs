@@ -15,6 +15,7 @@ pub mod error;
 pub mod export;
 pub mod guid;
 pub mod instance;
+mod known;
 pub mod logging;
 pub mod lookup;
 pub mod model;

@@ -112,6 +112,17 @@ impl Range {
         let above = if self.min_excluded { value - self.min >= Self::SMALLEST } else { value >= self.min };
         above && value <= self.max && value.abs() <= Self::LARGEST
     }
+
+    /// Whether all of them are.
+    #[inline]
+    pub(super) fn contain(&self, values: &[f64]) -> bool {
+        if self.min == f64::NEG_INFINITY && self.max == f64::INFINITY {
+            // Without a branch for each: vectors.
+            values.iter().fold(true, |all, value| all & (value.abs() <= Self::LARGEST))
+        } else {
+            values.iter().all(|value| self.contains(*value))
+        }
+    }
 }
 
 impl Range {

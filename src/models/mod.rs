@@ -6,6 +6,8 @@
 
 #[cfg(feature = "controller")]
 mod controller;
+#[cfg(feature = "controller")]
+pub mod fleet;
 #[cfg(feature = "grid")]
 mod grid;
 mod planes;

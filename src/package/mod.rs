@@ -16,7 +16,7 @@ use archive::Entries;
 pub use libraries::{Libraries, PLATFORM, library_file_name};
 use std::path::{Path, PathBuf};
 
-pub use system::{SystemError, write_system};
+pub use system::{SystemError, write_parts, write_system};
 pub use three::{platform_3, write_controller_3, write_controller_3_of, write_grid_3};
 
 /// Why an archive was not written.

@@ -115,6 +115,7 @@ pub fn control(
         silence_s: c.silence_s,
         outlier_filter: c.outlier_filter,
         message_faults,
+        part: None,
     };
     config.validate().map_err(|error| moved(origin, &error))?;
     Ok(config)

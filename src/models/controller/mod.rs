@@ -1,6 +1,7 @@
 //! The consensus controller behind the FMI trait.
 
 mod parameters;
+mod part;
 mod shape;
 mod variables;
 
@@ -22,6 +23,10 @@ pub struct Controller {
     experiment: (f64, f64),
     /// Many agents are numbered anew inside, such that neighbours are close.
     order: Order,
+    /// Places of a part's own agents; empty where it is the whole fleet.
+    own: Vec<usize>,
+    /// Numbers in the fleet of all agents of a part, from 1; empty alike.
+    numbers: Vec<u32>,
     planes: Planes<control::Controller, Tangents>,
     /// What others are made of, where that has been asked for.
     recipe: Option<Arc<Recipe>>,
@@ -49,10 +54,14 @@ impl Controller {
         let refused = |e: control::ConfigError| ModelError::new(e.to_string());
         // Before anything is renumbered, so that what is wrong is told by the user's numbers.
         resource.config.validate().map_err(refused)?;
-        let order = Order::local(&resource.config);
+        // A part keeps its order: sums over its links are then those of the whole fleet, to the last bit.
+        let is_part = resource.config.part.is_some();
+        let order = if is_part { Order::default() } else { Order::local(&resource.config) };
         let controller = control::Controller::new(order.renumbered(resource.config)).map_err(refused)?;
         let experiment = (resource.stop_s, resource.step_s);
-        Ok(Self { experiment, order, planes: Planes::new(controller), recipe: None })
+        let own = if controller.part().is_some() { controller.own_agents() } else { Vec::new() };
+        let numbers = controller.part().map_or_else(Vec::new, |part| part.agents.clone());
+        Ok(Self { experiment, order, own, numbers, planes: Planes::new(controller), recipe: None })
     }
 
     /// The same, of which others can be made.
@@ -70,19 +79,19 @@ impl Controller {
     /// Place of agent `i` in the arrays.
     #[inline]
     fn at(&self, i: usize) -> usize {
-        self.order.at(i)
+        self.own.get(i).copied().unwrap_or_else(|| self.order.at(i))
     }
 
     /// Itself where agents stand inside as they are numbered outside.
     #[inline]
     fn ordered(&self) -> Option<&Self> {
-        self.order.is_as_given().then_some(self)
+        (self.order.is_as_given() && self.own.is_empty()).then_some(self)
     }
 
     /// The same to be changed.
     #[inline]
     fn ordered_mut(&mut self) -> Option<&mut Self> {
-        if self.order.is_as_given() { Some(self) } else { None }
+        if self.order.is_as_given() && self.own.is_empty() { Some(self) } else { None }
     }
 
     fn inputs(&self) -> &Inputs {
@@ -131,6 +140,11 @@ impl Model for Controller {
 
     fn load_shapeable(resources: &Path) -> Result<Self, ModelError> {
         let file = Arc::new(Resource::<Config>::load(resources, Self::RESOURCE)?);
+        if file.config.part.is_some() {
+            return Err(ModelError::new(
+                "clusters and agents alone are FMUs of FMI 2.0; expected a whole fleet",
+            ));
+        }
         let shape = shape::shape(file.config.agents());
         Self::from_recipe(file, shape)
     }
@@ -149,7 +163,11 @@ impl Model for Controller {
     }
 
     fn variables(&self) -> Vec<Group<Self>> {
-        variables::variables(self.planes.values.agents(), self.planes.values.topologies())
+        let controller = &self.planes.values;
+        match controller.part() {
+            Some(_) => part::variables(controller),
+            None => variables::variables(controller.agents(), controller.topologies()),
+        }
     }
 
     fn state(&self) -> &control::State {
@@ -164,14 +182,15 @@ impl Model for Controller {
         if phase == Phase::Initialization {
             self.planes.values.initialise();
         }
-        let order = &self.order;
-        self.planes.values.refresh(&mut |event| report(event, order, log));
+        let (order, numbers) = (&self.order, self.numbers.as_slice());
+        self.planes.values.refresh(&mut |event| report(event, (order, numbers), log));
         Ok(())
     }
 
     fn step(&mut self, step: Step, log: &mut dyn Log) -> Result<(), ModelError> {
-        let order = &self.order;
-        self.planes.values.step(step.start_ns, step.duration_ns, &mut |event| report(event, order, log));
+        let (order, numbers) = (&self.order, self.numbers.as_slice());
+        let step = (step.start_ns, step.duration_ns);
+        self.planes.values.step(step.0, step.1, &mut |event| report(event, (order, numbers), log));
         Ok(())
     }
 
@@ -199,8 +218,9 @@ impl Model for Controller {
 }
 
 /// Hands an event of the graph to the importer's log.
-fn report(event: control::Event, order: &Order, log: &mut dyn Log) {
-    let event = event.renumbered(|place| order.agent(place));
+fn report(event: control::Event, (order, numbers): (&Order, &[u32]), log: &mut dyn Log) {
+    let in_fleet = |place: usize| numbers.get(place).map(|&number| number as usize - 1);
+    let event = event.renumbered(|place| in_fleet(place).unwrap_or_else(|| order.agent(place)));
     let level = if event.is_warning() { LogLevel::Warning } else { LogLevel::Event };
     log.log(level, format_args!("{event}"));
 }

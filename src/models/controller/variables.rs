@@ -24,19 +24,19 @@ const MEASUREMENTS: &[&str] = &[
 ];
 
 /// The measurements among them.
-const MEASURED: &[&str] = &["P", "Q", "V", "omega", "E"];
+pub(super) const MEASURED: &[&str] = &["P", "Q", "V", "omega", "E"];
 /// The scalars among them.
-const COMMON: &[&str] = &["omega_ref", "V_ref", "P_ref", "enable", "dispatch", "topology"];
+pub(super) const COMMON: &[&str] = &["omega_ref", "V_ref", "P_ref", "enable", "dispatch", "topology"];
 /// Up to so many agents all `available` are named. Beyond, those of the agent and its neighbours: that of another
 /// agent counts only where its leaving parts the graph, and the lists would grow with the square of the agents.
-const FEW: usize = 100;
+pub(super) const FEW: usize = 100;
 
 /// All variables for `n` agents with these communication graphs.
 pub fn variables(n: usize, topologies: &Topologies) -> Vec<Group<Controller>> {
     let written = topologies.are_written();
     let mut all = inputs(n, topologies.count());
     all.extend(setpoints(n));
-    all.extend(consensus_inputs(n, written));
+    all.extend(consensus_inputs(n, || measurements(written)));
     all.extend(diagnostics(n, written));
     all.extend(parameters::tunable());
     all.extend(parameters::fixed(n));
@@ -65,7 +65,7 @@ fn heard(model: &Controller, i: usize) -> Vec<(&'static str, usize)> {
     all
 }
 
-fn inputs(n: usize, topologies: usize) -> Vec<Group<Controller>> {
+pub(super) fn inputs(n: usize, topologies: usize) -> Vec<Group<Controller>> {
     vec![
         input(
             "P",
@@ -194,7 +194,7 @@ fn inputs(n: usize, topologies: usize) -> Vec<Group<Controller>> {
 }
 
 /// Sampled outputs: they change in a step only.
-fn setpoints(n: usize) -> Vec<Group<Controller>> {
+pub(super) fn setpoints(n: usize) -> Vec<Group<Controller>> {
     vec![
         output("omega_set", "Frequency setpoint of the droop", |m: &Controller, i| {
             m.outputs().omega_set[m.at(i)]
@@ -214,7 +214,11 @@ fn setpoints(n: usize) -> Vec<Group<Controller>> {
     .collect()
 }
 
-fn consensus_inputs(n: usize, written: bool) -> Vec<Group<Controller>> {
+/// The rates of the laws, which `heard` says what they follow.
+pub(super) fn consensus_inputs(
+    n: usize,
+    heard: impl Fn() -> Dependencies<Controller>,
+) -> Vec<Group<Controller>> {
     vec![
         output("u_omega", "Consensus input of the frequency, equation (12)", |m: &Controller, i| {
             m.outputs().u_omega[m.at(i)]
@@ -235,7 +239,7 @@ fn consensus_inputs(n: usize, written: bool) -> Vec<Group<Controller>> {
     .into_iter()
     .map(|g| {
         let unit = if g.name == "u_E" { Unit::PerSecond } else { Unit::PerUnitPerSecond };
-        g.each(n).unit(unit).follows(measurements(written))
+        g.each(n).unit(unit).follows(heard())
     })
     .collect()
 }

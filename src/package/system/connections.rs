@@ -26,8 +26,8 @@ impl Connection<'_> {
     }
 }
 
-/// All wires, in the order of table, components and inputs.
-pub fn between<'a>(parts: &'a [Part], table: &[Wire]) -> Result<Vec<Connection<'a>>, SystemError> {
+/// The wires of a table, in its order.
+pub fn listed<'a>(parts: &'a [Part], table: &[Wire]) -> Result<Vec<Connection<'a>>, SystemError> {
     let mut all: Vec<Connection<'a>> = Vec::new();
     for wire in table {
         let path = format!("connections[{}]", wire.line);
@@ -48,17 +48,24 @@ pub fn between<'a>(parts: &'a [Part], table: &[Wire]) -> Result<Vec<Connection<'
         }
         all.push(Connection { from, to, factor: wire.factor, offset: wire.offset });
     }
-    let taken: BTreeSet<(&str, &str)> = all.iter().map(|c| (c.to.0.name, c.to.1.name.as_str())).collect();
+    Ok(all)
+}
+
+/// All wires, in the order of table, components and inputs.
+pub fn between<'a>(parts: &'a [Part], table: &[Wire]) -> Result<Vec<Connection<'a>>, SystemError> {
+    let mut all = listed(parts, table)?;
+    let taken: BTreeSet<(&str, &str)> = all.iter().map(|c| (&*c.to.0.name, &*c.to.1.name)).collect();
     let of = |causality: Causality| {
         let variables = |part: &'a Part| part.variables.iter().map(move |variable| (part, variable));
         parts.iter().flat_map(variables).filter(move |(_, variable)| variable.causality == causality)
     };
     let outputs = of(Causality::Output);
-    let names = EqualNames::of(outputs.map(|output| (output.0.name, output.1.structured.as_str(), output)));
+    let names =
+        EqualNames::of(outputs.map(|output| (&*output.0.name, &*output.1.structured.as_str(), output)));
     let mut equal = Vec::new();
-    for to in of(Causality::Input).filter(|(part, input)| !taken.contains(&(part.name, &*input.name))) {
+    for to in of(Causality::Input).filter(|(part, input)| !taken.contains(&(&*part.name, &*input.name))) {
         let (part, input) = to;
-        let source = names.source(part.name, &input.structured).map_err(|sources| SystemError::Refused {
+        let source = names.source(&part.name, &input.structured).map_err(|sources| SystemError::Refused {
             path: "connections".to_owned(),
             reason: format!("{}.{} could be fed by each of {sources}", part.name, input.structured),
         })?;

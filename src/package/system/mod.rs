@@ -3,6 +3,7 @@
 
 mod connections;
 mod part;
+mod parts;
 mod ssd;
 mod ssv;
 
@@ -12,6 +13,7 @@ use crate::fmi::{Interface, Model};
 use crate::models::{Controller, Grid};
 use crate::scenario::Resolved;
 use part::Part;
+pub use parts::write_parts;
 use serde_json::{Map, Value};
 use std::path::Path;
 
@@ -71,19 +73,27 @@ pub fn write_system(
     let start = start_values(resolved);
     part::check_owners(&start, &[CONTROLLER, GRID])?;
     let parts = [
-        Part::new(CONTROLLER, controller_model, interface, &start)?,
-        Part::new(GRID, grid_model, interface, &start)?,
+        Part::new((CONTROLLER, file(Controller::IDENTIFIER)), controller_model, interface, &start)?,
+        Part::new((GRID, file(Grid::IDENTIFIER)), grid_model, interface, &start)?,
     ];
     let connections = connections::between(&parts, &resolved.wires)?;
+    write(path, resolved, (&parts, &[controller_fmu, grid_fmu]), &connections)
+}
+
+/// Writes components with their FMUs, connected.
+fn write(
+    path: &Path,
+    resolved: &Resolved,
+    (parts, fmus): (&[Part], &[Entries]),
+    connections: &[connections::Connection],
+) -> Result<(), PackageError> {
     let written = |e: std::io::Error| PackageError::Archive { file: path.into(), cause: e.to_string() };
-    let mut entries: Entries = [
-        ("SystemStructure.ssd".to_owned(), ssd::write(resolved, &parts, &connections).map_err(written)?),
-        (file(Controller::IDENTIFIER), archive::packed(path, &controller_fmu)?),
-        (file(Grid::IDENTIFIER), archive::packed(path, &grid_fmu)?),
-    ]
-    .into();
-    for part in &parts {
-        entries.insert(part.parameter_file(), ssv::write(part, &connections).map_err(written)?);
+    let mut entries = Entries::new();
+    let structure = ssd::write(resolved, parts, connections).map_err(written)?;
+    entries.insert("SystemStructure.ssd".to_owned(), structure);
+    for (part, fmu) in parts.iter().zip(fmus) {
+        entries.insert(part.source.clone(), archive::packed(path, fmu)?);
+        entries.insert(part.parameter_file(), ssv::write(part, connections).map_err(written)?);
     }
     archive::write(path, &entries)
 }
@@ -94,6 +104,7 @@ fn file(identifier: &str) -> String {
 }
 
 /// Where a value stands in the scenario, which variable it is for (`grid.dP_load[12]`), and the value.
+#[derive(Clone)]
 struct Start {
     path: String,
     variable: String,

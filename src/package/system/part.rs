@@ -1,14 +1,14 @@
 //! One FMU of the system as the descriptions need it: its variables with the values that they start with.
 //! The model itself checks the values, so that nothing is written that it would refuse.
 
-use super::{PARAMETER_SET, Start, SystemError, file};
+use super::{PARAMETER_SET, Start, SystemError};
 use crate::fmi::lookup::{Registry, Value};
 use crate::fmi::{Causality, Instance, Interface, Logger, Model, Type};
 
 /// A component of the system.
 pub struct Part {
-    /// `controller` or `grid`.
-    pub name: &'static str,
+    /// `controller`, `grid`, or what a part of a fleet is called.
+    pub name: String,
     /// The archive path of the FMU.
     pub source: String,
     /// All variables, in order.
@@ -34,7 +34,7 @@ pub struct Variable {
 impl Part {
     /// The component of a model with the values that are meant for it.
     pub fn new<M: Model>(
-        name: &'static str,
+        (name, source): (&str, String),
         model: M,
         interface: Interface,
         start: &[Start],
@@ -71,7 +71,7 @@ impl Part {
                 });
             }
         }
-        Ok(Self { name, source: file(M::IDENTIFIER), variables })
+        Ok(Self { name: name.to_owned(), source, variables })
     }
 
     /// The archive path of its parameter set.

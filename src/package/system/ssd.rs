@@ -45,7 +45,7 @@ pub fn write(resolved: &Resolved, parts: &[Part], connections: &[Connection]) ->
 
 fn component(xml: &mut XmlWriter, part: &Part, connections: &[Connection]) -> io::Result<()> {
     xml.create_element("ssd:Component")
-        .with_attributes([("name", part.name), ("type", "application/x-fmu-sharedlibrary")])
+        .with_attributes([("name", part.name.as_str()), ("type", "application/x-fmu-sharedlibrary")])
         .with_attributes([("source", part.source.as_str()), ("implementation", "CoSimulation")])
         .write_inner_content(|xml| {
             xml.create_element("ssd:Connectors").write_inner_content(|xml| {
@@ -88,8 +88,8 @@ fn connection(xml: &mut XmlWriter, connection: &Connection) -> io::Result<()> {
     let Connection { from, to, factor, offset } = connection;
     let element = xml
         .create_element("ssd:Connection")
-        .with_attributes([("startElement", from.0.name), ("startConnector", from.1.name.as_str())])
-        .with_attributes([("endElement", to.0.name), ("endConnector", to.1.name.as_str())]);
+        .with_attributes([("startElement", from.0.name.as_str()), ("startConnector", from.1.name.as_str())])
+        .with_attributes([("endElement", to.0.name.as_str()), ("endConnector", to.1.name.as_str())]);
     if (*factor, *offset) == (1.0, 0.0) {
         element.write_empty()?;
         return Ok(());
