@@ -314,9 +314,11 @@ fn a_part_that_stopped_comes_back() {
         fleet.stopped_ns[1] = Some(fleet.now_ns);
         let held = fleet.omega_set();
         fleet.plant.P_load[0] += 0.3;
-        for _ in 0..1500 {
+        for k in 0..1500 {
             fleet.step(H_NS, &switches);
-            assert!(fleet.P_set().iter().sum::<f64>().abs() < 1e-13);
+            let sum = fleet.P_set().iter().sum::<f64>();
+            // The step that the other side did not make, before anybody could know, is taken back.
+            assert!(sum.abs() < 1e-13 || k == 0, "step {k}: {sum:e}");
         }
         assert!(same_bits(&held[3..], &fleet.omega_set()[3..]));
         let p = |fleet: &Fleet, i: usize| config.K_P[i] * (fleet.plant.P[i] - fleet.P_set()[i]);
