@@ -25,6 +25,7 @@ pub mod master;
 pub mod memory;
 pub mod near;
 pub mod observer;
+mod parted;
 pub mod participant;
 pub mod plan;
 pub mod recorder;

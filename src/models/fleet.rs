@@ -4,7 +4,8 @@
 use super::Resource;
 use crate::control::config::Config;
 use crate::control::part::Outside;
-use crate::control::partition::{Cut, PartitionError, numbers, split};
+pub use crate::control::partition::Cut;
+use crate::control::partition::{PartitionError, numbers, split};
 use crate::fmi::lookup::Registry;
 use crate::fmi::{Interface, ModelError};
 use crate::models::Controller;
