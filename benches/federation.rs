@@ -46,7 +46,8 @@ struct Ring {
 impl Ring {
     fn read(words: &[&str]) -> Result<Self, String> {
         let [federates, steps, values, core, turns] = words else { return Err(USAGE.to_owned()) };
-        let number = |word: &str| word.parse::<i64>().map_err(|_| format!("{word}: expected a number\n{USAGE}"));
+        let number =
+            |word: &str| word.parse::<i64>().map_err(|_| format!("{word}: expected a number\n{USAGE}"));
         Ok(Self {
             federates: number(federates)? as usize,
             steps: number(steps)?,
@@ -65,7 +66,8 @@ impl Ring {
             _ => format!("--port={port} --local_interface={host}"),
         };
         let options = format!("-f{} --loglevel=error {at}", self.federates);
-        let broker = Broker::start(&helics, &self.core, "ring", &options).map_err(|error| error.to_string())?;
+        let broker =
+            Broker::start(&helics, &self.core, "ring", &options).map_err(|error| error.to_string())?;
         let program = std::env::current_exe().map_err(|error| error.to_string())?;
         let mut members = Vec::with_capacity(self.federates);
         for place in 0..self.federates {
@@ -86,7 +88,11 @@ impl Ring {
             slowest = slowest.max(took_s);
         }
         drop(broker);
-        println!("{{\"steps\": {}, \"took_s\": {slowest}, \"version\": \"{}\"}}", self.steps, helics.version());
+        println!(
+            "{{\"steps\": {}, \"took_s\": {slowest}, \"version\": \"{}\"}}",
+            self.steps,
+            helics.version()
+        );
         Ok(())
     }
 

@@ -92,7 +92,8 @@ impl Estimator {
         self.network.listen(&self.history, now, hearing, &last_ns, &mut self.received_ns);
         let before = self.transfers.clone();
         let Self { network, history, signals, flow, transfers, .. } = self;
-        advance(network, history, signals, flow, self.h_ns, &before, transfers);
+        let flow = &*flow;
+        advance(network, history, signals, [flow, flow], self.h_ns, &before, transfers);
         self.history.push(now_ns, &self.signals, &before);
         self.sample += 1;
         vbar

@@ -179,3 +179,50 @@ fn what_does_not_fit_is_refused_with_its_key_and_nothing_is_written() {
         &["connections[0]: grid.P[1]", "controller.enable", "Real", "Boolean", "--portable"],
     );
 }
+
+#[test]
+fn all_clusters_and_the_grid_are_one_system_in_which_messages_cross_once() {
+    let entries = exported(&["clusters", "case1"], "BessClusters.ssp");
+    let expected = [
+        "SystemStructure.ssd",
+        "resources/BessCluster1.fmu",
+        "resources/BessCluster2.fmu",
+        "resources/BessGrid.fmu",
+        "resources/cluster1-scenario.ssv",
+        "resources/cluster2-scenario.ssv",
+        "resources/grid-scenario.ssv",
+    ];
+    assert_eq!(entries.keys().collect::<Vec<_>>(), expected);
+    let structure = text(&entries["SystemStructure.ssd"]);
+    let from = |who: &str| values(&structure, "<ssd:Connection startElement").filter(|e| *e == who).count();
+    // Five measurements one way and four setpoints the other; ten messages across the one link, each way.
+    assert_eq!(from("grid"), 35);
+    assert_eq!(from("cluster1") + from("cluster2"), 28 + 20);
+    let wire = "startElement=\"cluster2\" startConnector=\"local_p[1]\" endElement=\"cluster1\" endConnector=\"remote_p[1]\"";
+    assert!(structure.contains(wire), "{structure}");
+    for cluster in ["cluster1", "cluster2"] {
+        let set = text(&entries[&format!("resources/{cluster}-scenario.ssv")]);
+        assert!(set.contains("name=\"enable\">\n      <ssv:Boolean value=\"true\"/>"), "{set}");
+    }
+    // The FMU inside is the one that is exported alone.
+    let alone = exported(&["cluster", "2", "case1"], "BessCluster2.fmu");
+    let inside = archive(entries["resources/BessCluster2.fmu"].clone());
+    assert_eq!(alone, inside);
+    let description = text(&alone["modelDescription.xml"]);
+    assert!(description.contains("modelIdentifier=\"BessConsensus\"") && !description.contains("lambda_2"));
+    let agents = exported(&["agents", "case1", "--portable"], "BessAgents.ssp");
+    assert_eq!(agents.keys().filter(|name| name.starts_with("resources/BessAgent")).count(), 7);
+    // What a scenario says of battery 5 is for the part that has it.
+    let start = "initial={\"controller.available[5]\":false}";
+    let entries = exported(&["agents", "case1", "--set", start], "BessAgents.ssp");
+    assert!(text(&entries["resources/agent5-scenario.ssv"]).contains("name=\"available[1]\">"));
+    assert!(!text(&entries["resources/agent4-scenario.ssv"]).contains("name=\"available[1]\">"));
+}
+
+#[test]
+fn a_part_that_is_not_there_is_refused() {
+    refused(&["cluster", "3", "case1"], 2, &["NUMBER: found 3", "1 to 2"]);
+    refused(&["agent", "0", "case1"], 2, &["NUMBER: found 0", "1 to 7"]);
+    refused(&["cluster", "case1"], 2, &["NUMBER: found none", "1 to 2"]);
+    refused(&["grid", "2", "case1"], 2, &["NUMBER: found 2", "none here"]);
+}

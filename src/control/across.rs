@@ -9,7 +9,6 @@
 
 use super::controller::Controller;
 use super::delay::Quantity;
-use super::fade::carried;
 use super::graph::{Components, Edge, Graph};
 use super::messages::Standing;
 use super::network::Network;
@@ -117,19 +116,37 @@ impl Controller {
         let Some(across) = &self.fixed.across else { return };
         let state = &mut self.state;
         let remote = &state.adopted.remote;
-        let mut did_not = vec![false; across.outside.len()];
+        let mut gone = vec![false; across.outside.len()];
+        let mut off = gone.clone();
         for (k, &slot) in across.slots.iter().enumerate() {
-            did_not[slot] = !(remote.available[k] && remote.enabled[k]);
+            (gone[slot], off[slot]) = (!remote.available[k], !remote.enabled[k]);
         }
+        // Of those who were gone before, both ends knew it.
+        let were_there = |a: u32, b: u32| {
+            self.network.outer().is_some_and(|outer| outer.are_available(a as usize, b as usize))
+        };
+        let did_not = |a: u32, b: u32| {
+            let either = |flags: &[bool]| flags[a as usize] || flags[b as usize];
+            either(&off) || (either(&gone) && were_there(a, b))
+        };
+        // Who acts sums its links anew in the next step; who does not, holds what it has to.
+        let P_set = &mut state.outputs.P_set;
+        let mut restore = |(a, b): (u32, u32), flow: &mut f64, before: f64| {
+            let back = before - *flow;
+            for (i, back) in [(a as usize, back), (b as usize, -back)] {
+                P_set[i] += if across.outside[i] { 0.0 } else { back };
+            }
+            *flow = before;
+        };
         for (e, edge) in self.network.graph.edges().iter().enumerate() {
-            if did_not[edge.a as usize] || did_not[edge.b as usize] {
-                state.flows[e] = state.before.flows[e];
+            if did_not(edge.a, edge.b) {
+                restore((edge.a, edge.b), &mut state.flows[e], state.before.flows[e]);
                 state.transfers[e] = state.before.transfers[e];
             }
         }
         for link in &mut state.held {
-            if did_not[link.a as usize] || did_not[link.b as usize] {
-                link.flow = link.before;
+            if did_not(link.a, link.b) {
+                restore((link.a, link.b), &mut link.flow, link.before);
             }
         }
     }
@@ -179,17 +196,14 @@ impl Controller {
 
     /// Lets the fades of links go on that are as they were; the others begin anew.
     pub(super) fn carry_fades(&mut self, before: &Network) {
-        let state = &mut self.state;
         let fade_ns = nanoseconds(self.fixed.exchange_fade_s);
-        let left = (state.fade_left_ns, state.edge_fades_ns.as_slice());
-        let mut fades = carried((before, &self.network), left, fade_ns);
-        for (fade, edge) in fades.iter_mut().zip(self.network.graph.edges()) {
-            let (a, b) = edge.ends();
+        self.state.fades = self.state.fades.carried((before, &self.network), fade_ns);
+        for link in &mut self.state.held {
+            let [a, b] = [link.a as usize, link.b as usize];
             if before.is_closed(a, b) && !self.network.is_closed(a, b) {
-                *fade = fade_ns;
+                link.left_ns = fade_ns;
             }
         }
-        state.set_fades(fades);
     }
 
     /// The graph in force: links to other parts where both ends told that they take part, live agents where a pin is
@@ -258,7 +272,6 @@ impl Controller {
                 values[slot] = value;
             }
         }
-        // Nobody outside gives the share of the load a sign of its own: it comes with the message.
         for &slot in &across.slots {
             state.history.amend(slot, signals);
         }

@@ -67,8 +67,7 @@ impl Controller {
         let (inputs, adopted) = (&self.state.inputs, &mut self.state.adopted);
         if adopted.enable != inputs.enable {
             adopted.enable = inputs.enable;
-            self.state.fade_left_ns = nanoseconds(self.fixed.exchange_fade_s);
-            self.state.edge_fades_ns.clear();
+            self.state.fades.begin(nanoseconds(self.fixed.exchange_fade_s));
             events(if inputs.enable { Event::Enabled } else { Event::Disabled });
         }
         if adopted.asked != inputs.topology {

@@ -8,7 +8,7 @@ use super::delay::{History, QUANTITIES, Signals};
 use super::error::ConfigError;
 use super::event::Event;
 use super::exchange::Exchange;
-use super::fade::{self, Fades};
+use super::fade::{self, Fades, Left};
 use super::few::FEW;
 use super::io::{Inputs, Outputs, Parameters};
 use super::lag::Lag;
@@ -116,8 +116,7 @@ impl Controller {
             received_ns: Vec::new(),
             held: Vec::new(),
             lags: Lags { frequency: Lag::new(&[]), voltage: Lag::new(&[]) },
-            fade_left_ns: 0,
-            edge_fades_ns: Vec::new(),
+            fades: Left::default(),
             before: Before::default(),
             shares: Vec::new(),
             followed: Vec::new(),
@@ -265,8 +264,6 @@ impl Controller {
         self.scratch.authority.fill(Authority::default());
         self.state.owed.clone_from(&self.scratch.owed);
         self.state.authority.clone_from(&self.scratch.authority);
-        self.state.fade_left_ns = nanoseconds(self.fixed.exchange_fade_s);
-        self.state.edge_fades_ns.clear();
         self.state.told = vec![0.0; QUANTITIES * self.scratch.mute.len()];
         self.state.held.clear();
         self.state.history = History::new(n, 0);
@@ -275,7 +272,9 @@ impl Controller {
         self.introduce();
         self.state.adopted.available.clone_from(&self.state.inputs.available);
         self.rebuild();
-        self.state.flows = vec![0.0; self.network.graph.edges().len()];
+        let edges = self.network.graph.edges().len();
+        self.state.flows = vec![0.0; edges];
+        self.state.fades = Left::all(nanoseconds(self.fixed.exchange_fade_s), edges);
         self.state.transfers = self.state.flows.clone();
         self.remember_before();
         self.state.received_ns = vec![i64::MIN; self.scratch.received_ns.len()];
@@ -368,11 +367,11 @@ impl Controller {
 
     /// Share of a step of `h_ns` in what is left of the fade: a straight line from what the exchange was.
     pub(super) fn fade(&self, h_ns: i64) -> f64 {
-        fade::share(h_ns, self.state.fade_left_ns)
+        fade::share(h_ns, self.state.fades.alike().unwrap_or_default())
     }
 
     /// The same edge by edge.
     pub(super) fn fades(&self, h_ns: i64) -> Fades<'_> {
-        Fades { h_ns, left_ns: self.state.fade_left_ns, of_edges_ns: &self.state.edge_fades_ns }
+        Fades { h_ns, left: &self.state.fades }
     }
 }

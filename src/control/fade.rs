@@ -4,17 +4,15 @@
 
 use super::graph::Edge;
 use super::network::Network;
-use super::state::State;
+use serde::{Deserialize, Serialize};
 
-/// What is left of the fades, ns: by edge, or where that is empty the same for all.
+/// What is left of the fades, ns, of a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Fades<'a> {
     /// Length of the step, ns.
     pub h_ns: i64,
-    /// Of all edges.
-    pub left_ns: i64,
-    /// Of each; empty where all are alike.
-    pub of_edges_ns: &'a [i64],
+    /// What is left.
+    pub left: &'a Left,
 }
 
 impl Fades<'_> {
@@ -22,8 +20,18 @@ impl Fades<'_> {
     /// fades.
     #[inline]
     pub fn share(&self, e: usize) -> f64 {
-        share(self.h_ns, self.of_edges_ns.get(e).copied().unwrap_or(self.left_ns))
+        share(self.h_ns, self.left.of(e))
     }
+}
+
+/// What is left of the fades, ns.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Left {
+    /// Of all edges, while they are alike.
+    all_ns: i64,
+    /// Of each edge, where they are not; else 0.
+    edges_ns: Vec<i64>,
+    differ: bool,
 }
 
 /// Share of a step of `h_ns` in what is left of a fade: a straight line.
@@ -31,58 +39,81 @@ pub fn share(h_ns: i64, left_ns: i64) -> f64 {
     if h_ns >= left_ns { 1.0 } else { h_ns.max(0) as f64 / left_ns as f64 }
 }
 
-/// What is left for the edges of `now`: those of `before` that are as they were go on, the others begin anew.
-pub fn carried(
-    (before, now): (&Network, &Network),
-    (left_ns, of_edges_ns): (i64, &[i64]),
-    fade_ns: i64,
-) -> Vec<i64> {
-    let of = |edge: &Edge| {
-        let ends = [edge.a as usize, edge.b as usize];
-        let old = before.graph.find(edge.a, edge.b)?;
-        let was = before.graph.edges().get(old)?;
-        let is_same = was.weight == edge.weight
-            && was.delay_ns == edge.delay_ns
-            && before.peers_of(ends) == now.peers_of(ends);
-        is_same.then(|| of_edges_ns.get(old).copied().unwrap_or(left_ns))
-    };
-    now.graph.edges().iter().map(|edge| of(edge).unwrap_or(fade_ns)).collect()
-}
+impl Left {
+    /// All anew, of `edges` edges.
+    pub fn all(fade_ns: i64, edges: usize) -> Self {
+        Self { all_ns: fade_ns, edges_ns: vec![0; edges], differ: false }
+    }
 
-impl State {
-    /// Takes over what is left of the fades of all edges, ns.
-    pub(super) fn set_fades(&mut self, left_ns: Vec<i64>) {
-        self.edge_fades_ns = left_ns;
-        self.join_fades();
+    /// All anew.
+    pub fn begin(&mut self, fade_ns: i64) {
+        self.edges_ns.fill(0);
+        (self.all_ns, self.differ) = (fade_ns, false);
+    }
+
+    /// What is left of edge `e`, ns.
+    #[inline]
+    fn of(&self, e: usize) -> i64 {
+        if self.differ { self.edges_ns.get(e).copied().unwrap_or(self.all_ns) } else { self.all_ns }
+    }
+
+    /// The same of all edges, where they are alike.
+    pub fn alike(&self) -> Option<i64> {
+        (!self.differ).then_some(self.all_ns)
+    }
+
+    /// Whether it is that of `edges` edges.
+    pub fn fits(&self, edges: usize) -> bool {
+        self.all_ns >= 0 && self.edges_ns.len() == edges && self.edges_ns.iter().all(|&left| left >= 0)
+    }
+
+    /// Sets what is left of the edges for which `change` says something. Allocates nothing.
+    pub fn set(&mut self, change: impl Fn(usize) -> Option<i64>) {
+        for e in 0..self.edges_ns.len() {
+            self.edges_ns[e] = change(e).unwrap_or_else(|| self.of(e));
+        }
+        self.differ = true;
+        self.join();
     }
 
     /// A step of `h_ns` is over, but on closed links of `network`. Allocates nothing.
-    pub(super) fn pass_fades(&mut self, h_ns: i64, network: &Network) {
-        let left = |left_ns: i64| (left_ns - h_ns).max(0);
-        if self.edge_fades_ns.is_empty() && !network.has_closed() {
-            self.fade_left_ns = left(self.fade_left_ns);
+    pub fn pass(&mut self, h_ns: i64, network: &Network) {
+        let after = |left_ns: i64| (left_ns - h_ns).max(0);
+        if !self.differ && !network.has_closed() {
+            self.all_ns = after(self.all_ns);
             return;
         }
-        if self.edge_fades_ns.is_empty() {
-            self.edge_fades_ns.resize(network.graph.edges().len(), self.fade_left_ns);
-        }
-        for (fade, edge) in self.edge_fades_ns.iter_mut().zip(network.graph.edges()) {
+        for (e, edge) in network.graph.edges().iter().enumerate() {
             let (a, b) = edge.ends();
-            if !network.is_closed(a, b) {
-                *fade = left(*fade);
-            }
+            let left = self.of(e);
+            self.edges_ns[e] = if network.is_closed(a, b) { left } else { after(left) };
         }
-        self.fade_left_ns = left(self.fade_left_ns);
-        self.join_fades();
+        self.differ = true;
+        self.join();
     }
 
     /// Fades that are all alike are told in one number.
-    fn join_fades(&mut self) {
-        if let Some(&first) = self.edge_fades_ns.first()
-            && self.edge_fades_ns.iter().all(|&left| left == first)
-        {
-            self.fade_left_ns = first;
-            self.edge_fades_ns.clear();
+    fn join(&mut self) {
+        if self.edges_ns.windows(2).all(|pair| pair[0] == pair[1]) {
+            let all_ns = self.edges_ns.first().copied().unwrap_or(self.all_ns);
+            self.begin(all_ns);
         }
+    }
+
+    /// What is left for the edges of `now`: those of `before` that are as they were go on, the others begin anew.
+    pub fn carried(&self, (before, now): (&Network, &Network), fade_ns: i64) -> Self {
+        let mut carried = Self::all(fade_ns, now.graph.edges().len());
+        let of = |edge: &Edge| {
+            let (a, b) = edge.ends();
+            let old = before.graph.find(edge.a, edge.b)?;
+            let was = before.graph.edges().get(old)?;
+            let is_same = was.weight == edge.weight
+                && was.delay_ns == edge.delay_ns
+                && before.peers_of([a, b]) == now.peers_of([a, b])
+                && (now.is_closed(a, b) || !before.is_closed(a, b));
+            is_same.then(|| self.of(old))
+        };
+        carried.set(|e| of(&now.graph.edges()[e]));
+        carried
     }
 }

@@ -6,6 +6,7 @@ use super::controller::Scratch;
 use super::delay::{History, QUANTITIES};
 use super::error::{ConfigError, Problems};
 use super::exchange::HeldLink;
+use super::fade::Left;
 use super::io::{Inputs, Outputs, Parameters};
 use super::lag::Lag;
 use super::messages::Standing;
@@ -31,10 +32,8 @@ pub struct State {
     pub(super) received_ns: Vec<i64>,
     pub(super) held: Vec<HeldLink>,
     pub(super) lags: Lags,
-    /// Time left of the fade of the exchange, ns.
-    pub(super) fade_left_ns: i64,
-    /// The same by edge; empty while all are alike.
-    pub(super) edge_fades_ns: Vec<i64>,
+    /// Time left of the fades of the exchange.
+    pub(super) fades: Left,
     /// What the last step began with.
     pub(super) before: Before,
     /// Share of the load, and P_set as the power follows it, by agent, pu; empty where no limit asks for them.
@@ -175,9 +174,6 @@ impl State {
         {
             standing.check("adopted", count, &mut problems);
         }
-        if self.fade_left_ns < 0 || self.edge_fades_ns.iter().any(|&left| left < 0) {
-            problems.add("fade_left_ns", self.fade_left_ns, "not negative");
-        }
         if self.clock.step_ns < 0 {
             problems.add("clock.step_ns", self.clock.step_ns, "not negative");
         }
@@ -205,8 +201,8 @@ impl State {
         let mut problems = Problems::default();
         length(&mut problems, "flows", self.flows.len(), edges);
         length(&mut problems, "transfers", self.transfers.len(), edges);
-        if !self.edge_fades_ns.is_empty() {
-            length(&mut problems, "edge_fades_ns", self.edge_fades_ns.len(), edges);
+        if !self.fades.fits(edges) {
+            problems.add("fades", format!("{:?}", self.fades), format!("times of {edges} edges"));
         }
         if parts {
             finite(&mut problems, "before.flows", &self.before.flows, edges);

@@ -36,7 +36,7 @@ impl Controller {
 
     /// What is left to do after a sweep that moved the setpoints.
     pub(super) fn pass(&mut self, start_ns: i64, duration_ns: i64) {
-        self.state.fade_left_ns = (self.state.fade_left_ns - duration_ns).max(0);
+        self.state.fades.pass(duration_ns, &self.network);
         self.tick(start_ns, duration_ns);
     }
 
@@ -99,7 +99,7 @@ impl Controller {
             }
         }
         let (state, scratch) = (&mut self.state, &mut self.scratch);
-        state.pass_fades(h_ns, &self.network);
+        state.fades.pass(h_ns, &self.network);
         // Where a ramp is slower than the fade, some still carry something.
         state.held.retain(|link| link.left_ns > 0 || link.flow != 0.0);
         if state.parameters.voltage_policy == VoltagePolicy::Average {

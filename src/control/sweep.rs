@@ -48,7 +48,7 @@ impl Controller {
             && self.network.is_present()
             && !state.history.is_kept()
             && state.held.is_empty()
-            && state.edge_fades_ns.is_empty()
+            && state.fades.alike().is_some()
     }
 
     /// As `evaluate`; with `moves` also as `advance`, but for what time and exchange leave behind.

@@ -195,12 +195,8 @@ impl Controller {
             return;
         }
         let back = |i: u32| self.fixed.message_faults.iter().any(|f| is_back(f) && f.agent() == i as usize);
-        let (state, fade_ns) = (&self.state, nanoseconds(self.fixed.exchange_fade_s));
-        let left = |e: usize| state.edge_fades_ns.get(e).copied().unwrap_or(state.fade_left_ns);
-        let edges = self.network.graph.edges().iter().enumerate();
-        let fades = edges.map(|(e, edge)| if back(edge.a) || back(edge.b) { fade_ns } else { left(e) });
-        let fades = fades.collect();
-        self.state.set_fades(fades);
+        let (edges, fade_ns) = (self.network.graph.edges(), nanoseconds(self.fixed.exchange_fade_s));
+        self.state.fades.set(|e| (back(edges[e].a) || back(edges[e].b)).then_some(fade_ns));
     }
 
     /// Who has stopped moves no setpoint.

@@ -137,7 +137,7 @@ impl<M: Model> Registry<M> {
     }
 
     /// The groups, in order, each with the value reference of its first variable.
-    pub fn groups(&self) -> impl Iterator<Item = (u32, &Group<M>)> {
+    pub fn groups(&self) -> impl ExactSizeIterator<Item = (u32, &Group<M>)> {
         self.first.iter().copied().zip(&self.groups)
     }
 
@@ -151,6 +151,11 @@ impl<M: Model> Registry<M> {
     #[inline]
     pub(super) fn numbered(&self, number: usize) -> Option<&Group<M>> {
         self.groups.get(number)
+    }
+
+    /// The group of this number, from 0, with the value reference of its first variable.
+    pub(super) fn nth(&self, number: usize) -> Option<(u32, &Group<M>)> {
+        Some((*self.first.get(number)?, self.groups.get(number)?))
     }
 
     /// Group and 0-based index of a value reference.

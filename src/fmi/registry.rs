@@ -15,6 +15,8 @@ pub struct Group<M> {
     pub unit: Option<Unit>,
     /// Number of variables, or `None` for a scalar.
     pub count: Option<usize>,
+    /// Name of the [`Size`](super::shape::Size) that is this number, if the model can be built with another.
+    pub size: Option<&'static str>,
     /// Who sets it.
     pub causality: Causality,
     /// When it may change.

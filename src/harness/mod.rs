@@ -26,6 +26,7 @@ pub mod master;
 pub mod memory;
 pub mod near;
 pub mod observer;
+mod parted;
 pub mod participant;
 pub mod plan;
 pub mod recorder;

@@ -8,11 +8,13 @@ use super::error::HarnessError;
 use super::fmu::Fmu;
 use super::in_process::InProcess;
 use super::isolation::{self, Isolation};
+use super::parted::Parted;
 use super::participant::{CallError, Participant};
 use super::plan::{Algorithm, Event, Plan, Setting};
 use super::screened::Screened;
 use super::value::Value;
 use crate::fmi::{Instance, Interface, Logger, Model, ModelError};
+use crate::models::fleet::{Cut, Fleet};
 use crate::models::{Controller, Grid};
 use crate::scenario::document::Master;
 use crate::scenario::{Resolved, nanoseconds};
@@ -32,6 +34,8 @@ pub enum Origin {
     InProcess,
     /// An FMU.
     Fmu(PathBuf),
+    /// Our own model of the controller in parts, each on its own but for messages.
+    Parts(Cut),
 }
 
 /// Who takes part.
@@ -70,6 +74,7 @@ pub fn stage_isolated(
     for ((own, origin), name) in own.into_iter().zip([&cast.controller, &cast.grid]).zip([CONTROLLER, GRID]) {
         match origin {
             Origin::InProcess => participants.push(own?),
+            Origin::Parts(cut) => participants.push(parted(resolved, *cut, own?.as_ref())?),
             Origin::Fmu(path) => {
                 let fmu: Box<dyn Participant> = match isolation {
                     Some(isolation) => isolation::start(path, name, isolation)?,
@@ -100,14 +105,31 @@ impl Cast {
     }
 }
 
+/// The controller in parts; `whole` is there for its variables.
+fn parted(
+    resolved: &Resolved,
+    cut: Cut,
+    whole: &dyn Participant,
+) -> Result<Box<dyn Participant>, HarnessError> {
+    let fleet =
+        Fleet::of(&Controller::resource(resolved), cut).map_err(|e| refused(CONTROLLER, e.to_string()))?;
+    let parts = fleet.parts.iter().map(|part| in_process(&part.name, Controller::new(part.resource.clone())));
+    let parts = parts.collect::<Result<_, _>>()?;
+    Ok(Box::new(Parted::new(CONTROLLER, &fleet, whole.variables(), parts)))
+}
+
+pub(super) fn refused(participant: &str, reason: String) -> HarnessError {
+    HarnessError::Call {
+        participant: participant.to_owned(),
+        source: CallError::new("fmi2Instantiate", reason),
+    }
+}
+
 pub(super) fn in_process<M: Model>(
     name: &str,
     model: Result<M, ModelError>,
 ) -> Result<Box<dyn Participant>, HarnessError> {
-    let refused = |reason: String| HarnessError::Call {
-        participant: name.to_owned(),
-        source: CallError::new("fmi2Instantiate", reason),
-    };
+    let refused = |reason: String| self::refused(name, reason);
     let model = model.map_err(|e| refused(e.to_string()))?;
     let instance = Instance::from_model(name, model, Interface::Structured, Logger::silent())
         .map_err(|e| refused(e.to_string()))?;

@@ -4,7 +4,7 @@
 
 use bess_consensus::control::communication::{Communication, Explicit};
 use bess_consensus::control::partition::{split, written};
-use bess_consensus::control::{Config, Controller};
+use bess_consensus::control::{Config, Controller, Inputs};
 
 /// Voltage sources on a ring of lines: power by angle, reactive power by voltage, both filtered; droop (3), (6).
 #[derive(Clone, Debug, PartialEq)]
@@ -92,6 +92,10 @@ pub struct Fleet {
     pub now_ns: i64,
     /// All that agents answered before the last step, in one row.
     pub answered: Vec<f64>,
+    /// Whether no message arrives.
+    pub is_deaf: bool,
+    /// Since when each part has stopped, if it has.
+    pub stopped_ns: Vec<Option<i64>>,
     numbers: Vec<Vec<u32>>,
     n: usize,
 }
@@ -124,7 +128,18 @@ impl Fleet {
         // As the FMU reads it.
         let reread = |c: &Config| serde_json::from_str(&serde_json::to_string(c).unwrap()).unwrap();
         let parts = configs.iter().map(|c| Controller::new(reread(c)).unwrap()).collect();
-        Self { parts, plant: Plant::new(whole), now_ns: 0, answered: Vec::new(), numbers, n }
+        let parts: Vec<Controller> = parts;
+        let stopped_ns = vec![None; parts.len()];
+        Self {
+            stopped_ns,
+            parts,
+            plant: Plant::new(whole),
+            now_ns: 0,
+            answered: Vec::new(),
+            is_deaf: false,
+            numbers,
+            n,
+        }
     }
 
     /// Which agent of the fleet, from 0, is at each own place of part `p`.
@@ -195,7 +210,22 @@ impl Fleet {
         }
     }
 
+    /// A part that has stopped goes on where it stopped: with one step over what it missed, in which it took no part.
+    pub fn resume(&mut self, p: usize) {
+        let Some(since_ns) = self.stopped_ns[p].take() else { return };
+        let part = &mut self.parts[p];
+        let inputs = part.inputs_mut();
+        let available = inputs.available.clone();
+        inputs.available.fill(false);
+        inputs.remote.standing.available.fill(false);
+        part.step(since_ns, self.now_ns - since_ns, &mut |_| {});
+        part.inputs_mut().available = available;
+    }
+
     fn exchange(&mut self) {
+        if self.is_deaf {
+            return;
+        }
         let told: Vec<_> = self.parts.iter().map(|part| part.outputs().local.clone()).collect();
         let teller = |number: u32| {
             self.parts.iter().enumerate().find_map(|(p, part)| {
@@ -217,7 +247,9 @@ impl Fleet {
                 values[slot] = told[k];
             }
             let (standing, told) = (&mut remote.standing, &told[from].standing);
-            standing.available[slot] = told.available[k];
+            // Who passes messages on says so where the first one is missing.
+            let is_there = self.stopped_ns[from].is_none_or(|since_ns| since_ns == self.now_ns);
+            standing.available[slot] = told.available[k] && is_there;
             standing.enabled[slot] = told.enabled[k];
             standing.hops[slot] = told.hops[k];
             standing.links[slot] = told.links[k];
@@ -227,10 +259,19 @@ impl Fleet {
 
     /// One communication step.
     pub fn step(&mut self, h_ns: i64, switches: &Switches) {
+        self.step_with(h_ns, switches, |_, _| {});
+    }
+
+    /// The same where some parts are told something else.
+    pub fn step_with(&mut self, h_ns: i64, switches: &Switches, tell: impl Fn(usize, &mut Inputs)) {
         self.tell(switches);
+        for (p, part) in self.parts.iter_mut().enumerate() {
+            tell(p, part.inputs_mut());
+        }
         self.parts.iter_mut().for_each(|part| part.refresh(&mut |_| {}));
         self.answered = self.answers();
-        for part in &mut self.parts {
+        for (part, _) in self.parts.iter_mut().zip(&self.stopped_ns).filter(|(_, stopped)| stopped.is_none())
+        {
             part.step(self.now_ns, h_ns, &mut |_| {});
             // A master reads when it likes.
             part.refresh(&mut |_| {});

@@ -106,9 +106,12 @@ impl Stage {
     /// The stages whose work this one uses.
     fn after(self) -> &'static [Stage] {
         match self {
-            Stage::Fmpy | Stage::Masters | Stage::Grids | Stage::Federation | Stage::Run | Stage::Reproduce => {
-                &[Stage::Fmu]
-            },
+            Stage::Fmpy
+            | Stage::Masters
+            | Stage::Grids
+            | Stage::Federation
+            | Stage::Run
+            | Stage::Reproduce => &[Stage::Fmu],
             Stage::Browser => &[Stage::Fmu, Stage::Run],
             _ => &[],
         }

@@ -41,5 +41,5 @@ pub fn isolation(call_limit_ns: i64) -> Result<Isolation, Failure> {
 
 /// Whether an FMU takes part at all.
 pub fn has_fmu(cast: &Cast) -> bool {
-    [&cast.controller, &cast.grid].into_iter().any(|origin| *origin != Origin::InProcess)
+    [&cast.controller, &cast.grid].into_iter().any(|origin| matches!(origin, Origin::Fmu(_)))
 }

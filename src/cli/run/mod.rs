@@ -13,10 +13,11 @@ pub use isolate::{WORKER, WorkerArgs, work};
 pub use record::{bar, identity, replay};
 
 use super::{Failure, ScenarioArgs, duration, print, results_folder};
+use crate::control::partition::Cut;
 use crate::harness::{Cast, HarnessError, Keeping, Origin, Trouble};
 use crate::report::Report;
 use crate::scenario::{self, Resolved};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use comparison::Compared;
 use ended::Ended;
 use miette::{IntoDiagnostic, WrapErr};
@@ -32,6 +33,7 @@ use std::path::{Path, PathBuf};
   bess run mine.json --grid MyGrid.fmu
   bess run case1 --controller fmu/BessConsensus.fmu --grid fmu/BessGrid.fmu
   bess run mine.json --grid Unknown.fmu --isolate      each FMU in a process of its own
+  bess run case1 --parts clusters                      a controller for each cluster; or agents: for each battery
   bess run energy --checkpoint 5min                    and after a power cut, the same with --resume
 
 DIR holds afterwards: trajectory.csv (time, controller.NAME, grid.NAME), summary.json, report.html. While it runs, and
@@ -48,6 +50,9 @@ pub struct RunArgs {
     /// FMU in the controller's place [default: control.fmu, or the built-in model]
     #[arg(long, value_name = "FMU")]
     controller: Option<PathBuf>,
+    /// The controller in parts that exchange messages over their links only
+    #[arg(long, value_name = "PARTS", conflicts_with = "controller")]
+    parts: Option<Parts>,
     /// FMU in the grid's place [default: grid.fmu, or the built-in model]
     #[arg(long, value_name = "FMU")]
     grid: Option<PathBuf>,
@@ -69,6 +74,24 @@ pub struct RunArgs {
     /// No progress bar and no table
     #[arg(short, long)]
     quiet: bool,
+}
+
+/// Into what a controller is cut.
+#[derive(Clone, Copy, ValueEnum)]
+enum Parts {
+    /// One for each cluster
+    Clusters,
+    /// One for each battery
+    Agents,
+}
+
+impl From<Parts> for Cut {
+    fn from(parts: Parts) -> Self {
+        match parts {
+            Parts::Clusters => Cut::Clusters,
+            Parts::Agents => Cut::Agents,
+        }
+    }
 }
 
 /// Runs the scenario and its variants, and writes the results.
@@ -100,7 +123,8 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
             break;
         }
         // An FMU exported earlier knows of a variant only what is a parameter, hence our own controller.
-        let cast = Cast { controller: Cast::of(&resolved).controller, ..self::cast(args, &resolved) };
+        let controller = own_controller(args, &resolved);
+        let cast = Cast { controller, ..self::cast(args, &resolved) };
         match record(&resolved, &cast, &alone) {
             Ok(Record { ended: Some(error), .. }) | Err(error) => {
                 ended = Some((Ended::of(&error, Some(&label)), failed(&error)));
@@ -113,7 +137,8 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
         if failure.is_none() {
             results.faults.extend(faults::own_row(&resolved, &main, results.agents())?);
             for (trial, resolved) in &trials {
-                let cast = Cast { controller: Cast::of(resolved).controller, ..self::cast(args, resolved) };
+                let controller = own_controller(args, resolved);
+                let cast = Cast { controller, ..self::cast(args, resolved) };
                 results.faults.push(faults::run_trial(trial, (resolved, &cast), results.agents(), &alone)?);
             }
         }
@@ -192,7 +217,13 @@ fn with_remains(failure: Failure, args: &RunArgs, folder: &Path) -> Failure {
 fn cast(args: &RunArgs, resolved: &Resolved) -> Cast {
     let named = Cast::of(resolved);
     let of = |fmu: &Option<PathBuf>, named: Origin| fmu.clone().map_or(named, Origin::Fmu);
-    Cast { controller: of(&args.controller, named.controller), grid: of(&args.grid, named.grid) }
+    let controller = args.parts.map_or(named.controller, |parts| Origin::Parts(parts.into()));
+    Cast { controller: of(&args.controller, controller), grid: of(&args.grid, named.grid) }
+}
+
+/// The same without an FMU that the command line names.
+fn own_controller(args: &RunArgs, resolved: &Resolved) -> Origin {
+    args.parts.map_or(Cast::of(resolved).controller, |parts| Origin::Parts(parts.into()))
 }
 
 /// The variants of the scenario, checked before anything runs.

@@ -4,9 +4,8 @@
 use super::connections::{Connection, between, listed};
 use super::part::{Part, check_owners};
 use super::{CONTROLLER, GRID, Start, file, start_values, write};
-use crate::control::partition::Cut;
 use crate::fmi::{Interface, Model};
-use crate::models::fleet::Fleet;
+use crate::models::fleet::{Cut, Fleet};
 use crate::models::{Controller, Grid};
 use crate::package::{Libraries, PackageError, controller_of, grid};
 use crate::scenario::Resolved;

@@ -102,7 +102,14 @@ fn federation(
         let mut speeds = Vec::new();
         for _ in 0..runs {
             let mut federate = command(workspace, &bess);
-            federate.arg("federate").arg(file).args(["--core", core, "--publish", publish, "--helics", package]);
+            federate.arg("federate").arg(file).args([
+                "--core",
+                core,
+                "--publish",
+                publish,
+                "--helics",
+                package,
+            ]);
             run(federate.args(["--quiet", "--no-report", "-o"]).arg(folder.join("out")))?;
             speeds.push(speed(&folder.join("out"))?);
         }
@@ -140,16 +147,14 @@ fn one_process(workspace: &Workspace, file: &Path, folder: &Path, runs: u32) -> 
 fn speed(folder: &Path) -> Result<f64, Failure> {
     let path = folder.join("summary.json");
     let text = std::fs::read_to_string(&path).map_err(Failure::file("read", &path))?;
-    let summary: Value =
-        serde_json::from_str(&text).map_err(|error| Failure::Other(format!("{}: {error}", path.display())))?;
+    let summary: Value = serde_json::from_str(&text)
+        .map_err(|error| Failure::Other(format!("{}: {error}", path.display())))?;
     Ok(STEPS as f64 / number(&summary, "wall_s")?)
 }
 
 /// Fifteen batteries in a ring, in so many clusters.
 fn scenario(clusters: usize) -> Value {
-    let bess = |bus: usize| {
-        json!({"bus": bus, "K_P": 0.004, "K_Q": 0.02, "soc_start": 0.7, "omega_set_start": 1.0 + 1e-4 * (bus % 4) as f64})
-    };
+    let bess = |bus: usize| json!({"bus": bus, "K_P": 0.004, "K_Q": 0.02, "soc_start": 0.7, "omega_set_start": 1.0 + 1e-4 * (bus % 4) as f64});
     let edge = |a: usize| json!({"a": a, "b": a % BATTERIES + 1, "weight": 1.0});
     let cluster = |i: usize| i * clusters / BATTERIES + 1;
     json!({

@@ -1,0 +1,134 @@
+//! The paper's cases with the controller in parts, coupled with the grid by the harness: `bess run --parts`. The
+//! whole controller with one step of delay on the links that are cut gives the same bits.
+#![cfg(feature = "host")]
+#![allow(non_snake_case, clippy::unwrap_used)]
+
+use bess_consensus::control::communication::{Communication, Explicit};
+use bess_consensus::control::partition::{numbers, written};
+use bess_consensus::harness::{CONTROLLER, Cast, GRID, Memory, Origin, run, stage};
+use bess_consensus::models::fleet::Cut;
+use bess_consensus::scenario::Resolved;
+use serde_json::{Map, Value, json};
+
+const SETPOINTS: [&str; 3] = ["omega_set", "V_set", "P_set"];
+const RATES: [&str; 5] = ["u_omega", "u_P", "u_E", "u_V", "u_Q"];
+
+fn resolved(name: &str, set: &[(&str, Value)]) -> Resolved {
+    let set: Map<String, Value> = set.iter().map(|(key, value)| ((*key).to_owned(), value.clone())).collect();
+    Resolved::load(name, &set).unwrap()
+}
+
+fn recorded(resolved: &Resolved, controller: Origin) -> Memory {
+    let (mut participants, plan) = stage(resolved, &Cast { controller, grid: Origin::InProcess }).unwrap();
+    let mut memory = Memory::new(1, |_| true);
+    let outcome = run(&mut participants, &plan, &mut memory).unwrap();
+    assert!(outcome.is_settled && outcome.warnings.is_empty(), "{:?}", outcome.warnings);
+    memory
+}
+
+/// The whole controller with late links where the parts are cut.
+fn whole(resolved: &Resolved, cut: Cut) -> Resolved {
+    let (part_of, step_s) = (numbers(&resolved.control, cut), resolved.scenario.step_s);
+    let mut topologies = written(&resolved.control);
+    for edge in topologies.iter_mut().flat_map(|topology| &mut topology.edges) {
+        if part_of[edge.a as usize - 1] != part_of[edge.b as usize - 1] {
+            edge.delay_s = Some(edge.delay_s.unwrap_or(resolved.control.delay_s).max(step_s));
+        }
+    }
+    let mut late = resolved.clone();
+    late.control.communication = Communication::Explicit(Explicit { topologies });
+    late
+}
+
+fn of<'a>(memory: &'a Memory, participant: &str, quantity: &str, i: usize) -> &'a [f64] {
+    memory.values(participant, &format!("{quantity}[{i}]")).unwrap()
+}
+
+#[test]
+fn the_papers_cases_in_parts_are_the_whole_controller_with_late_links() {
+    let average = [("control.voltage_policy", json!("average"))];
+    for (name, set) in [
+        ("case1", &[][..]),
+        ("case2", &[]),
+        ("case3", &[("stop_s", json!(40))]),
+        ("case4", &[]),
+        ("case4", &average),
+        ("voltage", &[]),
+    ] {
+        let resolved = resolved(name, set);
+        for cut in [Cut::Clusters, Cut::Agents] {
+            let parts = recorded(&resolved, Origin::Parts(cut));
+            let late = recorded(&whole(&resolved, cut), Origin::InProcess);
+            assert_eq!(parts.times_ns(), late.times_ns());
+            let agents = |who, quantities: &[&'static str]| -> Vec<(&str, &'static str, usize)> {
+                quantities.iter().flat_map(|q| (1..=7).map(move |i| (who, *q, i))).collect()
+            };
+            let mut compared = agents(CONTROLLER, &SETPOINTS);
+            compared.extend(agents(CONTROLLER, &RATES));
+            compared.extend(agents(GRID, &["P", "Q", "V", "omega", "E"]));
+            for (who, quantity, i) in compared {
+                let (x, y) = (of(&parts, who, quantity, i), of(&late, who, quantity, i));
+                let differs = x.iter().zip(y).position(|(x, y)| x.to_bits() != y.to_bits());
+                assert_eq!(differs, None, "{name}, {cut:?}: {who}.{quantity}[{i}], row");
+            }
+            assert!(parts.values(CONTROLLER, "lambda_2").is_none(), "nobody knows the whole graph");
+        }
+    }
+}
+
+/// An agent leaves and comes back: the parts hear of it a step later, and end where the whole controller ends.
+#[test]
+fn plug_and_play_in_parts_ends_where_the_whole_controller_ends() {
+    let resolved = resolved("plug_and_play", &[]);
+    for cut in [Cut::Clusters, Cut::Agents] {
+        let parts = recorded(&resolved, Origin::Parts(cut));
+        let late = recorded(&whole(&resolved, cut), Origin::InProcess);
+        let rows = parts.times_ns().len();
+        let sum = |k: usize| (1..=7).map(|i| of(&parts, CONTROLLER, "P_set", i)[k]).sum::<f64>();
+        // One step's move of a link that the other end has left.
+        let worst = (0..rows).map(|k| sum(k).abs()).fold(0.0, f64::max);
+        let off = (0..rows).filter(|&k| sum(k).abs() > 1e-12).count();
+        assert!(worst < 2e-2 && off <= 4, "{cut:?}: {worst:e} in {off} rows");
+        for quantity in ["P", "omega", "V"] {
+            let gap = (1..=7).map(|i| {
+                (of(&parts, GRID, quantity, i)[rows - 1] - of(&late, GRID, quantity, i)[rows - 1]).abs()
+            });
+            let gap = gap.fold(0.0, f64::max);
+            assert!(gap < 1e-3, "{cut:?}: {quantity} {gap:e} apart at the end");
+        }
+    }
+}
+
+/// A run of parts that goes on from a checkpoint is the run that was never interrupted.
+#[test]
+fn parts_are_kept_and_brought_back_as_one() {
+    let resolved = resolved("case1", &[("stop_s", json!(30))]);
+    let cast = Cast { controller: Origin::Parts(Cut::Clusters), grid: Origin::InProcess };
+    let (mut participants, _) = stage(&resolved, &cast).unwrap();
+    let mut controller = participants.swap_remove(0);
+    controller.setup(0, None).unwrap();
+    controller.enter_initialization().unwrap();
+    controller.exit_initialization().unwrap();
+    let reference = |name: &str| {
+        controller.variables().iter().find(|variable| variable.name == name).map(|v| v.reference).unwrap()
+    };
+    let (enable, omega_set) = (reference("enable"), [reference("omega_set[1]"), reference("omega_set[7]")]);
+    controller.set_boolean(&[enable], &[1]).unwrap();
+    let advance = |controller: &mut Box<dyn bess_consensus::harness::Participant>, from: i64, to: i64| {
+        (from..to).for_each(|k| controller.do_step(k * 10_000_000, 10_000_000).unwrap());
+        let mut values = [0.0; 2];
+        controller.get_real(&omega_set, &mut values).unwrap();
+        values
+    };
+    advance(&mut controller, 0, 50);
+    let kept = controller.save_state().unwrap();
+    let bytes = controller.serialise_state(kept).unwrap();
+    let straight = advance(&mut controller, 50, 100);
+    controller.restore_state(kept).unwrap();
+    assert_eq!(straight, advance(&mut controller, 50, 100));
+    let read = controller.deserialise_state(&bytes).unwrap();
+    controller.restore_state(read).unwrap();
+    assert_eq!(straight, advance(&mut controller, 50, 100));
+    assert_ne!(straight[0], straight[1]);
+    assert!(controller.deserialise_state(&bytes[..bytes.len() - 1]).is_err());
+}
