@@ -9,7 +9,7 @@
 use super::error::FederationError;
 use super::session::Session;
 use super::topics::Share;
-use crate::harness::{CallError, Causality, Kind, Participant, StateHandle, Value, Variability, Variable};
+use crate::harness::{CallError, Participant, StateHandle, Variable};
 use serde::{Deserialize, Serialize};
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -87,27 +87,6 @@ impl Others {
         presence: &[usize],
         plant: &str,
     ) -> Self {
-        let heard = share.heard.iter().flat_map(|topic| {
-            topic
-                .variables
-                .iter()
-                .map(move |variable| (format!("{}.{variable}", topic.from), Some(&topic.unit)))
-        });
-        let outputs: Vec<_> = heard.map(|(name, unit)| (name, Causality::Output, unit.cloned())).collect();
-        let inputs = share.told_variables.iter().map(|name| (name.clone(), Causality::Input, None));
-        let variable =
-            |(k, (name, causality, unit)): (usize, (String, Causality, Option<String>))| Variable {
-                name,
-                reference: k as u32,
-                kind: Kind::Real,
-                causality,
-                variability: Variability::Continuous,
-                initial: None,
-                start: (causality == Causality::Input).then_some(Value::Real(0.0)),
-                unit: unit.filter(|unit| !unit.is_empty()),
-                description: None,
-            };
-        let variables = outputs.into_iter().chain(inputs).enumerate().map(variable).collect();
         let senders = session.senders();
         let sender_of: Vec<usize> = share
             .heard
@@ -124,7 +103,7 @@ impl Others {
         Self {
             turn,
             joining,
-            variables,
+            variables: share.variables(),
             own: Own {
                 now_ns: 0,
                 heard: starts,
@@ -246,6 +225,10 @@ impl Others {
     }
 }
 
+fn only_reals(function: &'static str) -> CallError {
+    CallError::new(function, "a federation has Reals only")
+}
+
 fn zero(values: &mut [f64], place: usize) {
     if let Some(value) = values.get_mut(place) {
         *value = 0.0;
@@ -270,7 +253,7 @@ impl Participant for Others {
     }
 
     fn identity(&self) -> String {
-        format!("federation of {}", self.session.senders().join(", "))
+        self.session.senders().join(", ")
     }
 
     fn setup(&mut self, start_ns: i64, _: Option<i64>) -> Result<(), CallError> {
@@ -312,11 +295,11 @@ impl Participant for Others {
     }
 
     fn get_integer(&mut self, _: &[u32], _: &mut [i32]) -> Result<(), CallError> {
-        Err(CallError::new("fmi2GetInteger", "a federation has Reals only"))
+        Err(only_reals("fmi2GetInteger"))
     }
 
     fn get_boolean(&mut self, _: &[u32], _: &mut [i32]) -> Result<(), CallError> {
-        Err(CallError::new("fmi2GetBoolean", "a federation has Reals only"))
+        Err(only_reals("fmi2GetBoolean"))
     }
 
     fn set_real(&mut self, references: &[u32], values: &[f64]) -> Result<(), CallError> {
@@ -329,11 +312,11 @@ impl Participant for Others {
     }
 
     fn set_integer(&mut self, _: &[u32], _: &[i32]) -> Result<(), CallError> {
-        Err(CallError::new("fmi2SetInteger", "a federation has Reals only"))
+        Err(only_reals("fmi2SetInteger"))
     }
 
     fn set_boolean(&mut self, _: &[u32], _: &[i32]) -> Result<(), CallError> {
-        Err(CallError::new("fmi2SetBoolean", "a federation has Reals only"))
+        Err(only_reals("fmi2SetBoolean"))
     }
 
     fn do_step(&mut self, t_ns: i64, h_ns: i64) -> Result<(), CallError> {

@@ -76,13 +76,12 @@ impl Rejoining {
     /// Keeps a value that is to be set for later, if it is one of those held back.
     fn kept_back(&mut self, (reference, kind): (u32, Kind), value: f64) -> bool {
         let place = self.held.iter().position(|held| *held == (reference, kind));
-        match (place, &mut self.wanted) {
-            (Some(place), Some(wanted)) => {
-                wanted.get_mut(place).map(|wanted| *wanted = value);
-                true
-            }
-            _ => false,
+        let wanted = self.wanted.as_mut().zip(place).and_then(|(wanted, place)| wanted.get_mut(place));
+        let is_held = wanted.is_some();
+        if let Some(wanted) = wanted {
+            *wanted = value;
         }
+        is_held
     }
 }
 

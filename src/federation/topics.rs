@@ -1,7 +1,7 @@
 //! What travels between federates, as data: one topic for each array (or each element of it) that a federate tells
 //! another, with the names under which HELICS knows it. Made from a plan's connections, the same in every federate.
 
-use crate::harness::{Connection, Participant};
+use crate::harness::{Causality, Connection, Kind, Participant, Value, Variability, Variable};
 use std::collections::BTreeMap;
 
 /// What becomes a topic of its own between the grid and a controller. Among each other controllers always tell all in one.
@@ -108,9 +108,28 @@ impl Share {
         share
     }
 
-    /// Number of values heard.
-    pub fn heard_count(&self) -> usize {
-        self.heard.iter().map(|topic| topic.variables.len()).sum()
+    /// As variables of the others: what is heard are outputs, `grid.P[1]`, what is told inputs, `omega_set[1]`; all Real,
+    /// with references that count on.
+    pub fn variables(&self) -> Vec<Variable> {
+        let heard = self.heard.iter().flat_map(|topic| {
+            let unit = Some(topic.unit.clone()).filter(|unit| !unit.is_empty());
+            let name = |variable: &String| format!("{}.{variable}", topic.from);
+            topic.variables.iter().map(move |variable| (name(variable), Causality::Output, unit.clone()))
+        });
+        let told = self.told_variables.iter().map(|name| (name.clone(), Causality::Input, None));
+        let variable =
+            |(k, (name, causality, unit)): (usize, (String, Causality, Option<String>))| Variable {
+                name,
+                reference: k as u32,
+                kind: Kind::Real,
+                causality,
+                variability: Variability::Continuous,
+                initial: None,
+                start: (causality == Causality::Input).then_some(Value::Real(0.0)),
+                unit,
+                description: None,
+            };
+        heard.chain(told).enumerate().map(variable).collect()
     }
 }
 

@@ -193,22 +193,21 @@ impl Merged {
 
 /// The cells of a header, where names with commas stand in quotes.
 fn cells(line: &str) -> Vec<String> {
-    let mut cells = vec![String::new()];
+    let (mut cells, mut cell) = (Vec::new(), String::new());
     let mut quoted = false;
     let mut letters = line.chars().peekable();
     while let Some(letter) = letters.next() {
         match letter {
             '"' if quoted && letters.peek() == Some(&'"') => {
                 letters.next();
-                cells.last_mut().map(|cell| cell.push('"'));
+                cell.push('"');
             }
             '"' => quoted = !quoted,
-            ',' if !quoted => cells.push(String::new()),
-            letter => {
-                cells.last_mut().map(|cell| cell.push(letter));
-            }
+            ',' if !quoted => cells.push(std::mem::take(&mut cell)),
+            letter => cell.push(letter),
         }
     }
+    cells.push(cell);
     cells
 }
 

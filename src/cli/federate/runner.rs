@@ -98,7 +98,7 @@ impl Watched<'_> {
         }
         let started = Started::new(name, number, &mut command, &self.said);
         let what = format!("the process of {name} cannot be started");
-        Ok(started.map_err(|source| failed(FederationError::Process { what, source }))?)
+        started.map_err(|source| failed(FederationError::Process { what, source }))
     }
 
     /// Starts a broker, unless there is one; its name for federates.

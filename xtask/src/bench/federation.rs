@@ -36,17 +36,17 @@ pub fn rows(workspace: &Workspace, runs: u32) -> Result<Vec<Row>, Failure> {
         let file = folder.join(format!("f{size}.json"));
         let text = scenario(size - 1).to_string();
         std::fs::write(&file, text).map_err(Failure::file("write", &file))?;
-        let one = one_process(workspace, &file, &folder, runs);
+        let one = one_process(workspace, &file, &folder, runs).map_err(|failure| failure.to_string());
         for core in CORES {
-            let measured = federation(workspace, &ring, (package.trim(), core, size), (&file, &folder), runs);
+            let measured = federation(workspace, &ring, (package.trim(), core, size), (&file, &folder), runs)
+                .map_err(|failure| failure.to_string());
             match (measured, &one) {
                 (Ok(measured), Ok(one)) => rows.extend(measured.rows(core, size, *one)),
-                (Err(failure), _) | (_, Err(failure)) => rows.push(Row::missing(
-                    format!("federation, {size} federates, {core}, against the bare ring"),
-                    "x",
-                    AS_FAST_AS_BARE,
-                    failure.to_string(),
-                )),
+                (measured, one) => {
+                    let why = measured.err().or(one.as_ref().err().cloned()).unwrap_or_default();
+                    let name = format!("federation, {size} federates, {core}, against the bare ring");
+                    rows.push(Row::missing(name, "x", AS_FAST_AS_BARE, why));
+                }
             }
         }
     }
