@@ -239,8 +239,9 @@ impl Controller {
     fn is_known_to_both(&self, link: &HeldLink) -> bool {
         let ends = [link.a as usize, link.b as usize];
         let lost = |i: usize| !self.topology.live[i] && !self.is_outside(i);
-        !(self.network.crosses(link.a, link.b) && self.fades_now(link) && ends.into_iter().any(lost))
-            && !self.network.is_closed(ends[0], ends[1])
+        let is_crossing = self.network.crosses(link.a, link.b);
+        let is_leaving = is_crossing && self.fades_now(link) && ends.into_iter().any(lost);
+        !is_leaving && !self.network.is_closed(ends[0], ends[1])
     }
 
     /// Boundary layers of the exchange for a step of `h_s`, s: inside a part of a fleet, and between two.

@@ -22,11 +22,22 @@ pub(super) struct Parted {
     next_state: u64,
 }
 
+type Get<T> = fn(&mut dyn Participant, &[u32], &mut [T]) -> Result<(), CallError>;
+type Set<T> = fn(&mut dyn Participant, &[u32], &[T]) -> Result<(), CallError>;
+
+/// What a part is told of one type: by reference the value, and from which source and place it comes.
+struct Sink<T> {
+    part: usize,
+    references: Vec<u32>,
+    values: Vec<T>,
+    from: Vec<(usize, usize)>,
+}
+
 /// The messages of one type: what is read from each part, and where each part gets it from.
 #[derive(Default)]
 struct Lines<T> {
     sources: Vec<(usize, Vec<u32>, Vec<T>)>,
-    sinks: Vec<(usize, Vec<u32>, Vec<T>, Vec<(usize, usize)>)>,
+    sinks: Vec<Sink<T>>,
 }
 
 impl<T: Copy + Default> Lines<T> {
@@ -41,32 +52,25 @@ impl<T: Copy + Default> Lines<T> {
             values.push(T::default());
             references.len() - 1
         });
-        let sink = self.sinks.iter().position(|(part, ..)| *part == to).unwrap_or_else(|| {
-            self.sinks.push((to, Vec::new(), Vec::new(), Vec::new()));
+        let sink = self.sinks.iter().position(|sink| sink.part == to).unwrap_or_else(|| {
+            let (references, values, from) = (Vec::new(), Vec::new(), Vec::new());
+            self.sinks.push(Sink { part: to, references, values, from });
             self.sinks.len() - 1
         });
-        let (_, references, values, from) = &mut self.sinks[sink];
+        let Sink { references, values, from, .. } = &mut self.sinks[sink];
         references.push(input);
         values.push(T::default());
         from.push((source, place));
     }
 
-    fn read(
-        &mut self,
-        parts: &mut [Box<dyn Participant>],
-        get: fn(&mut dyn Participant, &[u32], &mut [T]) -> Result<(), CallError>,
-    ) -> Result<(), CallError> {
+    fn read(&mut self, parts: &mut [Box<dyn Participant>], get: Get<T>) -> Result<(), CallError> {
         self.sources
             .iter_mut()
             .try_for_each(|(part, references, values)| get(parts[*part].as_mut(), references, values))
     }
 
-    fn write(
-        &mut self,
-        parts: &mut [Box<dyn Participant>],
-        set: fn(&mut dyn Participant, &[u32], &[T]) -> Result<(), CallError>,
-    ) -> Result<(), CallError> {
-        for (part, references, values, from) in &mut self.sinks {
+    fn write(&mut self, parts: &mut [Box<dyn Participant>], set: Set<T>) -> Result<(), CallError> {
+        for Sink { part, references, values, from } in &mut self.sinks {
             for (value, &(source, place)) in values.iter_mut().zip(from.iter()) {
                 *value = self.sources[source].2[place];
             }
@@ -143,7 +147,7 @@ impl Parted {
         &mut self,
         function: &'static str,
         (references, values): (&[u32], &mut [T]),
-        get: fn(&mut dyn Participant, &[u32], &mut [T]) -> Result<(), CallError>,
+        get: Get<T>,
     ) -> Result<(), CallError> {
         for (&reference, value) in references.iter().zip(values) {
             let mut found: Option<T> = None;
@@ -161,7 +165,7 @@ impl Parted {
         &mut self,
         function: &'static str,
         (references, values): (&[u32], &[T]),
-        set: fn(&mut dyn Participant, &[u32], &[T]) -> Result<(), CallError>,
+        set: Set<T>,
     ) -> Result<(), CallError> {
         for (&reference, &value) in references.iter().zip(values) {
             for (part, at) in self.places(function, reference)?.to_vec() {
@@ -316,6 +320,6 @@ mod tests {
         lines.connect((1, 8), (2, 5));
         assert_eq!(lines.sources.len(), 2);
         assert_eq!(lines.sources[0].1, [7]);
-        assert_eq!(lines.sinks[1].3, [(0, 0), (1, 0)]);
+        assert_eq!(lines.sinks[1].from, [(0, 0), (1, 0)]);
     }
 }

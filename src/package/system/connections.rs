@@ -60,8 +60,7 @@ pub fn between<'a>(parts: &'a [Part], table: &[Wire]) -> Result<Vec<Connection<'
         parts.iter().flat_map(variables).filter(move |(_, variable)| variable.causality == causality)
     };
     let outputs = of(Causality::Output);
-    let names =
-        EqualNames::of(outputs.map(|output| (&*output.0.name, &*output.1.structured.as_str(), output)));
+    let names = EqualNames::of(outputs.map(|output| (&*output.0.name, output.1.structured.as_str(), output)));
     let mut equal = Vec::new();
     for to in of(Causality::Input).filter(|(part, input)| !taken.contains(&(&*part.name, &*input.name))) {
         let (part, input) = to;
