@@ -83,7 +83,9 @@ fn model_row(core: &str, steps_s: &[(usize, &str, f64)]) -> Option<Row> {
         1e3 * paper
     );
     let name = format!("federation, {core}, the cost model's worst miss");
-    Some(Row::figure(name, 100.0 * miss, "%").note(note, json!({"A_s": a, "S_s": s, "step_of_1000_s": paper})))
+    Some(
+        Row::figure(name, 100.0 * miss, "%").note(note, json!({"A_s": a, "S_s": s, "step_of_1000_s": paper})),
+    )
 }
 
 /// A and S of t = A + S x with the least squares of relative errors; two numbers in closed form.
