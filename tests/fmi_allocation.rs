@@ -64,6 +64,34 @@ fn a_step_with_its_gets_and_sets_allocates_nothing() {
 }
 
 #[test]
+fn the_same_with_the_arrays_of_fmi_3_allocates_nothing() {
+    let mut instance =
+        bess_consensus::fmi::three::Instance::from_model("mock", Mock::with(7), Logger::silent()).unwrap();
+    instance.enter_initialization_mode(0.0, None).unwrap();
+    instance.exit_initialization_mode().unwrap();
+    let of = |name: &str| instance.reference(name).unwrap();
+    // Some that follow each other, and some that jump.
+    let (inputs, together, apart) = ([of("u")], [of("u"), of("x"), of("y")], [of("y"), of("u"), of("total")]);
+    let (integers, booleans) = ([of("mode"), of("fault")], [of("enable"), of("settled")]);
+    let mut values = [0.0; 21];
+    let mut all = |instance: &mut bess_consensus::fmi::three::Instance<Mock>, k: i32| {
+        instance.set_float64(&inputs, &[f64::from(k); 7]).unwrap();
+        instance.set_int32(&integers, &[1, STEP_LOGS]).unwrap();
+        instance.set_boolean(&booleans[..1], &[true]).unwrap();
+        instance.get_float64(&together, &mut values).unwrap();
+        instance.do_step(f64::from(k) * 0.01, 0.01).unwrap();
+        instance.get_float64(&apart, &mut values[..15]).unwrap();
+        instance.get_int32(&integers, &mut [0; 2]).unwrap();
+        instance.get_boolean(&booleans, &mut [false; 2]).unwrap();
+    };
+    // The first call that jumps makes room for all.
+    all(&mut instance, 0);
+    let before = COUNT.get();
+    (1..100).for_each(|k| all(&mut instance, k));
+    assert_eq!(COUNT.get() - before, 0);
+}
+
+#[test]
 fn derivatives_allocate_nothing_but_their_own_room_once() {
     let mut instance = started(7);
     let inputs: Vec<u32> = (1..=7).collect();

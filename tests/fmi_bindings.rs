@@ -7,3 +7,14 @@ fn the_checked_in_bindings_are_fresh() {
     let kept = include_str!("../src/fmi/bindings.rs");
     assert!(made == kept, "src/fmi/bindings.rs is stale; copy {}/bindings.rs over it", env!("OUT_DIR"));
 }
+
+#[test]
+fn so_are_those_of_fmi_3() {
+    let made = include_str!(concat!(env!("OUT_DIR"), "/bindings3.rs"));
+    let kept = include_str!("../src/fmi/three/bindings.rs");
+    assert!(
+        made == kept,
+        "src/fmi/three/bindings.rs is stale; copy {}/bindings3.rs over it",
+        env!("OUT_DIR")
+    );
+}

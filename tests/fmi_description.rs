@@ -219,6 +219,7 @@ fn output(name: &'static str, count: Option<usize>, dependencies: Dependencies<W
         description: "",
         unit: None,
         count,
+        size: None,
         causality: Causality::Output,
         variability: Variability::Continuous,
         access: Access::Real(|_, _| 0.0, None),

@@ -51,6 +51,46 @@ fn values_can_be_set_and_read_right_after_instantiation() {
     assert_eq!(real(&mut instance, "total"), 9.0);
 }
 
+/// Arrays that come again are known; what a call may do is asked every time.
+#[test]
+fn an_array_that_comes_again_is_checked_again() {
+    let mut instance = mock(2);
+    let all =
+        |names: &[&str], i: &Instance<Mock>| names.iter().map(|n| reference(i, n)).collect::<Vec<u32>>();
+    let (inputs, fixed) = (all(&["u[1]", "u[2]", "gain"], &instance), all(&["u[1]", "tau"], &instance));
+    let read = all(&["y[1]", "y[2]", "total"], &instance);
+    let mut values = [0.0; 3];
+    for k in 1..=3 {
+        let u = f64::from(k);
+        instance.set_real(&inputs, &[u, 2.0 * u, 1.0]).unwrap();
+        instance.set_real(&fixed, &[u, 0.5]).unwrap();
+        instance.get_real(&read, &mut values).unwrap();
+        let total = real(&mut instance, "total");
+        assert_eq!(values[2], total);
+        assert_eq!(values[1] - values[0], u, "y moves with u");
+    }
+    instance.enter_initialization_mode().unwrap();
+    instance.exit_initialization_mode().unwrap();
+    for _ in 0..2 {
+        instance.set_real(&inputs, &[1.0, 2.0, 1.0]).unwrap();
+        let before = bytes(&instance);
+        for (references, values, words) in [
+            (&inputs, &[5.0, f64::NAN, 1.0][..], ["u[2]", "NaN"]),
+            (&inputs, &[5.0, 6.0, 0.0], ["gain", "> 0"]),
+            (&inputs, &[5.0, 6.0], ["2 values", "3 value references"]),
+            (&fixed, &[5.0, 1.0], ["tau", "fixed parameter"]),
+        ] {
+            let message = instance.set_real(references, values).expect_err(words[0]).to_string();
+            assert!(words.iter().all(|word| message.contains(word)), "{message}");
+            assert_eq!(bytes(&instance), before, "{message}");
+        }
+        assert!(instance.get_real(&read, &mut [0.0; 2]).is_err());
+        instance.do_step(instance.time_s(), 0.1).unwrap();
+    }
+    instance.terminate().unwrap();
+    assert!(instance.set_real(&inputs, &[1.0, 2.0, 1.0]).is_err());
+}
+
 #[test]
 fn refused_sets_name_variable_value_and_expectation_and_change_nothing() {
     let mut instance = started(2);

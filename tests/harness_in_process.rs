@@ -41,6 +41,7 @@ fn group(
         description: name,
         unit: matches!(access, Access::Real(..)).then_some(Unit::PerUnit),
         count,
+        size: None,
         causality,
         variability,
         access,

@@ -195,14 +195,16 @@ fn library(
     }
     let foreign: Vec<String> = exported
         .iter()
-        .filter(|name| !name.starts_with("fmi2") && !LINKER.contains(&name.as_str()))
+        .filter(|name| {
+            !name.starts_with("fmi2") && !name.starts_with("fmi3") && !LINKER.contains(&name.as_str())
+        })
         .cloned()
         .collect();
     if !foreign.is_empty() {
         complain(
             &rules::FOREIGN,
             format!("{} other symbols exported: {}", foreign.len(), first_of(&foreign)),
-            "fmi2... only",
+            "fmi2... only, or fmi3... beside it",
             "hide them: -fvisibility=hidden, a version script or a .def file",
         );
     }

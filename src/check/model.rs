@@ -41,13 +41,13 @@ pub fn check(document: &Document<'_>) -> Vec<Finding> {
 /// Whether it is another version of FMI.
 pub fn version(document: &Document<'_>) -> Option<Finding> {
     let version = document.root.attribute("fmiVersion").filter(|version| version.trim() != "2.0")?;
-    Some(Finding::new(
-        &rules::VERSION,
-        place(document.root),
-        format!("fmiVersion=\"{version}\""),
-        "fmiVersion=\"2.0\"",
-        "export the FMU as FMI 2.0; nothing else was looked at",
-    ))
+    let mend = if version.trim().starts_with("3.") {
+        "nothing else was looked at: check it with `fmpy validate FILE` (pip install FMPy), or export it as FMI 2.0"
+    } else {
+        "export the FMU as FMI 2.0; nothing else was looked at"
+    };
+    let found = format!("fmiVersion=\"{version}\"");
+    Some(Finding::new(&rules::VERSION, place(document.root), found, "fmiVersion=\"2.0\"", mend))
 }
 
 fn guid(root: Node<'_, '_>, at: &Place, findings: &mut Vec<Finding>) {

@@ -45,6 +45,17 @@ impl Part {
     }
 }
 
+/// A version of FMI that an FMU can be written for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Fmi {
+    /// FMI 2.0: one variable for each element
+    #[value(name = "2", alias = "2.0")]
+    Two,
+    /// FMI 3.0: arrays
+    #[value(name = "3", alias = "3.0")]
+    Three,
+}
+
 /// The command line of `bess export`.
 #[derive(Args)]
 #[command(allow_missing_positional = true)]
@@ -53,6 +64,7 @@ impl Part {
   bess export controller mine.json -o fmu/Mine.fmu
   bess export grid case1 --set grid.case=my_case.m
   bess export controller mine.json --portable     P_1 in place of P[1], nothing but Reals
+  bess export controller mine.json --fmi 3        FMI 3.0: one array P, any number of batteries
   bess export system mine.json -o mine.ssp        both FMUs, connected
   bess export cluster 2 case1                     BessCluster2.fmu: its agents, and messages to and from cluster 1
   bess export agent 3 mine.json                   BessAgent3.fmu: one battery
@@ -75,6 +87,9 @@ pub struct ExportArgs {
     /// Names that are C identifiers (P_1) and Reals only (true from 0.5 on), for tools that know nothing else
     #[arg(long)]
     portable: bool,
+    /// Version of FMI: 2 for FMI 2.0, 3 for FMI 3.0 with arrays; a system holds FMI 2.0
+    #[arg(long, value_name = "VERSION", default_value = "2")]
+    fmi: Fmi,
     /// Folder with the shared libraries: linux64/, win64/, aarch64-linux/, or a cargo target folder
     /// [default: those that this program carries; if it carries none, those beside it]
     #[arg(long, value_name = "DIR")]
@@ -83,6 +98,7 @@ pub struct ExportArgs {
 
 /// Writes the FMU and says where it is.
 pub fn export(args: &ExportArgs, carried: &'static [u8]) -> Result<(), Failure> {
+    refuse_mixtures(args)?;
     let resolved = args.scenario.resolve()?;
     let libraries = chosen(args.libraries.as_deref(), carried);
     let number = number(args, &resolved)?;
@@ -99,7 +115,12 @@ pub fn export(args: &ExportArgs, carried: &'static [u8]) -> Result<(), Failure> 
     let interface = if args.portable { Interface::Portable } else { Interface::Structured };
     // A system holds both models, built for the same platforms.
     let model = if matches!(args.part, Part::Grid) { Grid::IDENTIFIER } else { Controller::IDENTIFIER };
-    let written = write((args.part, number), &resolved, interface, &output, &libraries);
+    let written = match (args.fmi, args.part) {
+        (Fmi::Three, Part::Controller) => package::write_controller_3(&output, &resolved, &libraries),
+        (Fmi::Three, Part::Grid) => package::write_grid_3(&output, &resolved, &libraries),
+        // Others were refused for FMI 3.0.
+        _ => write((args.part, number), &resolved, interface, &output, &libraries),
+    };
     let platforms = written.and_then(|()| libraries.platforms(model)).map_err(|error| {
         let report = match &error {
             PackageError::NoLibrary { .. } | PackageError::NotCarried { .. } => {
@@ -114,6 +135,10 @@ pub fn export(args: &ExportArgs, carried: &'static [u8]) -> Result<(), Failure> 
         let code = if matches!(error, PackageError::System(_)) { 2 } else { 1 };
         Failure { report, code }
     })?;
+    let platforms: Vec<&str> = match args.fmi {
+        Fmi::Two => platforms,
+        Fmi::Three => platforms.into_iter().map(package::platform_3).collect(),
+    };
     eprintln!("wrote {} ({})", output.display(), platforms.join(", "));
     Ok(())
 }
@@ -168,6 +193,26 @@ fn write(
             package::write_controller_of(output, member.resource, interface, libraries)
         }
     }
+}
+
+/// What FMI 3.0 has no need of, and what cannot hold it.
+fn refuse_mixtures(args: &ExportArgs) -> Result<(), Failure> {
+    let report = match (args.fmi, args.part, args.portable) {
+        (Fmi::Three, Part::System, _) => miette::miette!(
+            help = "export controller and grid by themselves, each with --fmi 3; or the system without it",
+            "--fmi 3: a system (.ssp) holds FMUs of FMI 2.0"
+        ),
+        (Fmi::Three, Part::Cluster | Part::Agent | Part::Clusters | Part::Agents, _) => miette::miette!(
+            help = "leave --fmi out; or export the whole controller with --fmi 3",
+            "--fmi 3: clusters and agents alone are FMUs of FMI 2.0"
+        ),
+        (Fmi::Three, _, true) => miette::miette!(
+            help = "leave --portable out: the names of FMI 3.0 are plain, P and not P[1]",
+            "--portable is for FMI 2.0, not for --fmi 3"
+        ),
+        _ => return Ok(()),
+    };
+    Err(Failure { report, code: 2 })
 }
 
 /// What is named counts first, then what the program carries; beside it they lie only after a plain cargo build.

@@ -42,7 +42,10 @@ impl Laws {
     /// As `Flow::along`, four at once.
     #[inline(always)]
     fn along(&self, weight: f64, d: Four, share: f64) -> Four {
-        let mut flow = d.map(f64::abs);
+        let mut flow = d;
+        for k in 0..4 {
+            flow[k] = d[k].abs();
+        }
         let s = self.magnitudes(flow);
         for k in 0..4 {
             let (law, cap) = (self.gains[k] * weight * s[k], flow[k] * share * self.inverse_thetas[k]);
@@ -54,13 +57,23 @@ impl Laws {
     }
 
     #[inline(always)]
-    fn magnitudes<const K: usize>(&self, m: [f64; K]) -> [f64; K] {
+    fn magnitudes<const K: usize>(&self, mut m: [f64; K]) -> [f64; K] {
+        // Loops, because `map` is no part of the code for this processor.
         match self.power {
-            SignPower::Root => m.map(f64::sqrt),
-            SignPower::Power(eta) => m.map(|m| power(m, eta)),
+            SignPower::Root => {
+                for m in &mut m {
+                    *m = m.sqrt();
+                }
+            }
+            SignPower::Power(eta) => {
+                for m in &mut m {
+                    *m = power(*m, eta);
+                }
+            }
             // The fixed-time law is never plain.
-            SignPower::Linear | SignPower::FixedTime { .. } => m,
+            SignPower::Linear | SignPower::FixedTime { .. } => {}
         }
+        m
     }
 }
 
@@ -241,18 +254,11 @@ impl Visit<'_> {
         for (counted, live) in counted.iter_mut().zip(self.live) {
             *counted = *live & (clock.samples > 0);
         }
-        let lanes = |level: &[f64], droop: &[f64], power: &[f64]| {
-            let (mut level, droop, power) = (load_few(level), load_few(droop), load_few(power));
-            for lane in 0..FEW {
-                level[lane] = no_load(level[lane], droop[lane], power[lane]);
-            }
-            level
-        };
-        let y = lanes(&inputs.omega, &parameters.K_P, &inputs.P);
-        let sigma = lanes(&outputs.omega_set, &parameters.K_P, &outputs.P_set);
+        let y = no_loads(&inputs.omega, &parameters.K_P, &inputs.P);
+        let sigma = no_loads(&outputs.omega_set, &parameters.K_P, &outputs.P_set);
         lags.frequency.observe_few(&counted, &y, &sigma);
-        let y = lanes(&inputs.V, &parameters.K_Q, &inputs.Q);
-        let sigma = lanes(&outputs.V_set, &parameters.K_Q, &outputs.Q_set);
+        let y = no_loads(&inputs.V, &parameters.K_Q, &inputs.Q);
+        let sigma = no_loads(&outputs.V_set, &parameters.K_Q, &outputs.Q_set);
         lags.voltage.observe_few(&counted, &y, &sigma);
     }
 
@@ -280,8 +286,10 @@ impl Visit<'_> {
     #[inline(always)]
     fn diagnose(&mut self, places: &[Place; FEW]) {
         let n = self.live.len().min(FEW);
-        let of = |k: usize| places.map(|place| place.signals[k]);
-        let ([omega, p, V, q], soc) = ([of(0), of(1), of(2), of(3)], places.map(|place| place.soc));
+        let [mut omega, mut p, mut V, mut q, mut soc] = [[0.0; FEW]; 5];
+        for (i, place) in places.iter().enumerate() {
+            ([omega[i], p[i], V[i], q[i]], soc[i]) = (place.signals, place.soc);
+        }
         self.diagnosis.take(Seen {
             available: &self.state.adopted.available[..n],
             live: &self.live[..n],
@@ -289,4 +297,14 @@ impl Visit<'_> {
             own: [&omega[..n], &p[..n], &V[..n], &q[..n], &soc[..n]],
         });
     }
+}
+
+/// `no_load` of a few agents, side by side.
+#[inline(always)]
+fn no_loads(level: &[f64], droop: &[f64], power: &[f64]) -> [f64; FEW] {
+    let (mut level, droop, power) = (load_few(level), load_few(droop), load_few(power));
+    for lane in 0..FEW {
+        level[lane] = no_load(level[lane], droop[lane], power[lane]);
+    }
+    level
 }

@@ -7,6 +7,7 @@
 //! | file | what it is for |
 //! |---|---|
 //! | `config`, `communication`, `validate`, `error` | what a controller is made from, and what is wrong with it |
+//! | `sized` | the same for another number of agents |
 //! | `graph`, `clustering`, `topology`, `network` | who talks to whom, from distances to the hot path's arrays |
 //! | `protocol`, `discretisation`, `exchange`, `estimator` | the laws (9)-(13), one function per equation |
 //! | `sweep`, `wave`, `power`, `diagnosis`, `order` | the same for many agents at once, in vector code |
@@ -59,6 +60,7 @@ pub mod protocol;
 pub mod relay;
 mod saturation;
 pub mod scalar;
+pub mod sized;
 pub mod spectrum;
 mod state;
 mod step;

@@ -289,16 +289,16 @@ fn is_input<M>(group: &Group<M>) -> bool {
     is_real(group) && group.causality == Causality::Input && group.variability == Variability::Continuous
 }
 
-fn is_known<M>(group: &Group<M>) -> bool {
+pub(super) fn is_known<M>(group: &Group<M>) -> bool {
     let tunable = group.causality == Causality::Parameter && group.variability == Variability::Tunable;
     is_input(group) || (is_real(group) && tunable)
 }
 
-fn is_unknown<M>(group: &Group<M>) -> bool {
+pub(super) fn is_unknown<M>(group: &Group<M>) -> bool {
     is_real(group) && group.causality == Causality::Output && group.variability == Variability::Continuous
 }
 
-fn describe<M>(group: &Group<M>) -> &'static str {
+pub(super) fn describe<M>(group: &Group<M>) -> &'static str {
     match (group.causality, group.variability) {
         (Causality::Input, Variability::Continuous) => "a continuous input",
         (Causality::Input, _) => "a discrete input",

@@ -97,6 +97,37 @@ fn digits(value: f64) -> String {
 }
 
 impl Error {
+    /// The call that was refused.
+    pub fn function(&self) -> Function {
+        match self {
+            Self::CallOrder { function, .. }
+            | Self::Poisoned { function }
+            | Self::Panic { function, .. }
+            | Self::UnknownReference { function, .. }
+            | Self::WrongType { function, .. }
+            | Self::NotSettable { function, .. }
+            | Self::NotDifferentiable { function, .. }
+            | Self::Order { function, .. }
+            | Self::Value { function, .. }
+            | Self::Length { function, .. }
+            | Self::Pointer { function, .. }
+            | Self::Argument { function, .. }
+            | Self::WrongTime { function, .. }
+            | Self::Model { function, .. }
+            | Self::Unsupported { function, .. }
+            | Self::Unavailable { function, .. }
+            | Self::Format { function, .. }
+            | Self::Load { function, .. } => *function,
+        }
+    }
+
+    /// The line without the function's name: FMI 3.0 has names of its own.
+    pub(super) fn reason(&self) -> String {
+        let line = self.to_string();
+        let prefix = format!("{}: ", self.function());
+        line.strip_prefix(&prefix).map(str::to_owned).unwrap_or(line)
+    }
+
     /// The call of the model that failed.
     pub(super) fn model(function: Function) -> impl FnOnce(ModelError) -> Error {
         move |source| Error::Model { function, source }

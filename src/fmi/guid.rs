@@ -3,6 +3,7 @@
 
 use super::lookup::{Interface, Registry, Value};
 use super::model::Model;
+use super::shape::{Shape, Values};
 use std::fmt;
 
 /// Raised when the meaning of calls changes without a change in the list of variables.
@@ -47,6 +48,25 @@ impl Guid {
                     Value::Boolean(value) => hash.bytes(&[u8::from(value)]),
                 }
             }
+        }
+        Guid(hash.0.to_be_bytes())
+    }
+
+    /// The instantiation token of FMI 3.0: hash of the model's GUID and of what else its description shows.
+    pub(super) fn token(self, shape: &Shape) -> Self {
+        let mut hash = Fnv128::default();
+        hash.text("FMI 3.0");
+        hash.bytes(&self.0);
+        for size in &shape.sizes {
+            hash.text(size.name);
+            for number in [size.value, size.min, size.max] {
+                hash.bytes(&number.to_le_bytes());
+            }
+        }
+        for array in &shape.arrays {
+            hash.text(array.name);
+            hash.text(array.size);
+            hash.bytes(&[u8::from(matches!(array.values, Values::UInt64(_)))]);
         }
         Guid(hash.0.to_be_bytes())
     }

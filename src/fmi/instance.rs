@@ -7,6 +7,7 @@ use super::call_order::{Function, State};
 use super::derivatives::Ramps;
 use super::error::Error;
 use super::guid::Guid;
+use super::known::Known;
 use super::logging::{Category, Logger};
 use super::lookup::{Interface, Registry};
 use super::model::{Model, Phase};
@@ -26,6 +27,9 @@ pub struct Instance<M: Model> {
     pub(super) life: Life,
     /// Rates at which inputs move during the next step.
     pub(super) ramps: Ramps,
+    /// Reals read, and set, before.
+    pub(super) read: Known,
+    pub(super) set: Known,
 }
 
 const BORN: Life = Life { state: State::Instantiated, time_ns: 0, initialized: false, stale: true };
@@ -59,7 +63,8 @@ impl<M: Model> Instance<M> {
     ) -> Self {
         let start = model.state().clone();
         let (name, ramps) = (instance_name.to_owned(), Ramps::default());
-        Self { name, model, registry, guid, start, logger, life: BORN, ramps }
+        let (read, set) = (Known::default(), Known::default());
+        Self { name, model, registry, guid, start, logger, life: BORN, ramps, read, set }
     }
 
     /// The name given at instantiation; need not be unique.

@@ -105,6 +105,16 @@ impl Logger {
     /// fmi2SetDebugLogging; no categories, or `logAll`, mean all. Unknown ones are named in a warning
     /// and ignored: masters pass categories of their own.
     pub fn set_debug_logging<'a>(&mut self, on: bool, categories: impl Iterator<Item = &'a CStr>) {
+        self.set_debug_logging_by("fmi2SetDebugLogging", on, categories);
+    }
+
+    /// The same by a function of another name.
+    pub(super) fn set_debug_logging_by<'a>(
+        &mut self,
+        function: &str,
+        on: bool,
+        categories: impl Iterator<Item = &'a CStr>,
+    ) {
         let mut categories = categories.peekable();
         let all = categories.peek().is_none();
         (self.events, self.warnings) = (on && all, on && all);
@@ -117,7 +127,7 @@ impl Logger {
                 self.warnings |= on;
             } else if !Category::ALL.iter().any(|known| known.name() == name) {
                 let line = format_args!(
-                    "fmi2SetDebugLogging: category {name:?} is unknown and ignored; expected logEvents, \
+                    "{function}: category {name:?} is unknown and ignored; expected logEvents, \
                      logStatusWarning, logStatusDiscard, logStatusError, logStatusFatal or logAll"
                 );
                 if let (true, Some(sink)) = (on, &mut self.sink) {

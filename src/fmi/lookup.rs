@@ -137,14 +137,31 @@ impl<M: Model> Registry<M> {
     }
 
     /// The groups, in order, each with the value reference of its first variable.
-    pub fn groups(&self) -> impl Iterator<Item = (u32, &Group<M>)> {
+    pub fn groups(&self) -> impl ExactSizeIterator<Item = (u32, &Group<M>)> {
         self.first.iter().copied().zip(&self.groups)
+    }
+
+    /// Position of the group of a value reference among the groups.
+    #[inline]
+    pub(super) fn number_of(&self, reference: u32) -> Option<usize> {
+        self.group_of.get((reference as usize).wrapping_sub(1)).map(|number| usize::from(*number))
+    }
+
+    /// The group at that position.
+    #[inline]
+    pub(super) fn numbered(&self, number: usize) -> Option<&Group<M>> {
+        self.groups.get(number)
+    }
+
+    /// The group of this number, from 0, with the value reference of its first variable.
+    pub(super) fn nth(&self, number: usize) -> Option<(u32, &Group<M>)> {
+        Some((*self.first.get(number)?, self.groups.get(number)?))
     }
 
     /// Group and 0-based index of a value reference.
     #[inline]
     pub fn locate(&self, reference: u32) -> Option<(&Group<M>, usize)> {
-        let number = usize::from(*self.group_of.get((reference as usize).wrapping_sub(1))?);
+        let number = self.number_of(reference)?;
         let (group, first) = (self.groups.get(number)?, self.first.get(number)?);
         Some((group, reference.wrapping_sub(*first) as usize))
     }
@@ -260,7 +277,8 @@ impl<M> Run<'_, M> {
     #[inline]
     pub fn range(&self) -> Option<Range<usize>> {
         let from = self.references.first()?.wrapping_sub(self.first) as usize;
-        self.is_straight.then(|| from..from + self.references.len())
+        let is_straight = self.is_straight || self.references.len() == 1;
+        is_straight.then(|| from..from + self.references.len())
     }
 }
 

@@ -2,6 +2,7 @@
 //! the shell checks every call first, and calls a model only with finite values and valid indices.
 
 use super::registry::Group;
+use super::shape::Shape;
 use serde::{Serialize, de::DeserializeOwned};
 use std::path::Path;
 
@@ -73,6 +74,24 @@ pub trait Model: Clone + Send + 'static {
     fn differentiate(&mut self, along: Along, phase: Phase) -> Result<(), ModelError> {
         let (_, _) = (along, phase);
         Ok(())
+    }
+
+    /// Reads the model such that others can be made of it, [`Model::reshaped`]: FMI 3.0 asks for that.
+    fn load_shapeable(resources: &Path) -> Result<Self, ModelError> {
+        Self::load(resources)
+    }
+
+    /// What this model is built from beside its resources; the same sizes and arrays, by name and order, for the whole
+    /// life of the model and all that are made of it.
+    fn shape(&self) -> Shape {
+        Shape::default()
+    }
+
+    /// A model of the same resources and another shape, in its start state. The shape that `load` gave leads
+    /// to the model that `load` gave. Not called where no size and no array can change.
+    fn reshaped(&self, shape: &Shape) -> Result<Self, ModelError> {
+        let _ = shape;
+        Ok(self.clone())
     }
 
     /// `DefaultExperiment`: stop time and step size, s.

@@ -309,7 +309,7 @@ fn reference_list(mut references: Vec<u32>) -> String {
 }
 
 /// Text as the value of an attribute.
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
         match letter {

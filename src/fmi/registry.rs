@@ -15,6 +15,8 @@ pub struct Group<M> {
     pub unit: Option<Unit>,
     /// Number of variables, or `None` for a scalar.
     pub count: Option<usize>,
+    /// Name of the [`Size`](super::shape::Size) that is this number, if the model can be built with another.
+    pub size: Option<&'static str>,
     /// Who sets it.
     pub causality: Causality,
     /// When it may change.
@@ -109,6 +111,17 @@ impl Range {
     pub fn contains(&self, value: f64) -> bool {
         let above = if self.min_excluded { value - self.min >= Self::SMALLEST } else { value >= self.min };
         above && value <= self.max && value.abs() <= Self::LARGEST
+    }
+
+    /// Whether all of them are.
+    #[inline]
+    pub(super) fn contain(&self, values: &[f64]) -> bool {
+        if self.min == f64::NEG_INFINITY && self.max == f64::INFINITY {
+            // Without a branch for each: vectors.
+            values.iter().fold(true, |all, value| all & (value.abs() <= Self::LARGEST))
+        } else {
+            values.iter().all(|value| self.contains(*value))
+        }
     }
 }
 

@@ -132,7 +132,7 @@ fn payload(error: postcard::Error) -> FormatError {
 }
 
 /// FNV-1a, 64 bits; it notices every change of a single byte.
-fn checksum(front: &[u8], body: &[u8]) -> u64 {
+pub(super) fn checksum(front: &[u8], body: &[u8]) -> u64 {
     let step = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
     front.iter().chain(body).fold(0xcbf2_9ce4_8422_2325, step)
 }

@@ -4,13 +4,17 @@
 use super::call_order::{Function, State};
 use super::error::Error;
 use super::instance::Instance;
-use super::lookup::{Run, Type};
+use super::known::Stretch;
+use super::lookup::{Interface, Run, Type};
 use super::model::Model;
 use super::registry::{Access, Causality, Dependencies, Group, Variability};
 
 impl<M: Model> Instance<M> {
     /// fmi2GetReal.
     pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), Error> {
+        if self.get_known(references, values)? {
+            return Ok(());
+        }
         self.prepare_get(Function::GetReal, Type::Real, references, values.len())?;
         for run in self.registry.runs(references).flatten() {
             let (group, values) = (run.group, run.values_mut(values));
@@ -29,7 +33,41 @@ impl<M: Model> Instance<M> {
                 }
             }
         }
+        if self.registry.interface == Interface::Structured {
+            self.read.keep(&self.registry, references);
+        }
         Ok(())
+    }
+
+    /// The same of an array that was read before; false where it was not, or where there is something to refuse.
+    fn get_known(&mut self, references: &[u32], values: &mut [f64]) -> Result<bool, Error> {
+        let Some(array) = self.read.find(references).filter(|_| references.len() == values.len()) else {
+            return Ok(false);
+        };
+        let function = Function::GetReal;
+        self.allow(function)?;
+        let follows = if self.life.initialized { array.has_follower } else { array.has_output };
+        if follows && self.life.stale {
+            self.bring_in_line(function)?;
+        }
+        let Some(array) = self.read.find(references) else { return Ok(false) };
+        for Stretch { group, indices, places } in &array.stretches {
+            let (Some(group), Some(values)) =
+                (self.registry.numbered(*group), values.get_mut(places.clone()))
+            else {
+                return Ok(false);
+            };
+            if let Some(row) = (group.row.get)(&self.model).and_then(|row| row.get(indices.clone())) {
+                values.copy_from_slice(row);
+            } else if let Access::Real(get, _) = group.access {
+                for (i, value) in indices.clone().zip(values) {
+                    *value = get(&self.model, i);
+                }
+            } else {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// fmi2GetInteger.
@@ -60,13 +98,13 @@ impl<M: Model> Instance<M> {
 
     /// fmi2SetReal.
     pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> Result<(), Error> {
+        if self.set_known(references, values) {
+            return Ok(());
+        }
         let function = Function::SetReal;
-        self.check_set_and(function, Type::Real, references, values.len(), |run| {
+        self.check_set(function, Type::Real, references, values.len())?;
+        for run in self.registry.runs(references).flatten() {
             let (group, values) = (run.group, run.values(values));
-            let accepted = |value: &f64| group.range.contains(*value);
-            if matches!(group.access, Access::Real(..)) && values.iter().all(accepted) {
-                return Ok(());
-            }
             for (reference, value) in run.references.iter().zip(values) {
                 let accepted = match group.access {
                     Access::Real(..) => group.range.contains(*value),
@@ -77,8 +115,7 @@ impl<M: Model> Instance<M> {
                 };
                 self.check_value(function, *reference, group, *value, accepted)?;
             }
-            Ok(())
-        })?;
+        }
         for run in self.registry.runs(references).flatten() {
             let (group, values) = (run.group, run.values(values));
             if let (Some(range), Some(row)) = (run.range(), (group.row.set)(&mut self.model))
@@ -98,7 +135,45 @@ impl<M: Model> Instance<M> {
             }
         }
         self.life.stale |= !references.is_empty();
+        if self.registry.interface == Interface::Structured {
+            self.set.keep(&self.registry, references);
+        }
         Ok(())
+    }
+
+    /// The same of an array that was set before; false, and nothing set, where it was not, or where there is
+    /// something to refuse.
+    fn set_known(&mut self, references: &[u32], values: &[f64]) -> bool {
+        let Some(array) = self.set.find(references).filter(|_| references.len() == values.len()) else {
+            return false;
+        };
+        let before_steps = matches!(self.life.state, State::Instantiated | State::Initialization);
+        if self.allow(Function::SetReal).is_err() || array.has_fixed && !before_steps {
+            return false;
+        }
+        let accepted = array.stretches.iter().all(|stretch| {
+            let range = self.registry.numbered(stretch.group).map(|group| group.range);
+            range.zip(values.get(stretch.places.clone())).is_some_and(|(range, values)| range.contain(values))
+        });
+        if !accepted {
+            return false;
+        }
+        for Stretch { group, indices, places } in &array.stretches {
+            let (Some(group), Some(values)) = (self.registry.numbered(*group), values.get(places.clone()))
+            else {
+                continue;
+            };
+            let row = (group.row.set)(&mut self.model);
+            if let Some(row) = row.and_then(|row| row.get_mut(indices.clone())) {
+                row.copy_from_slice(values);
+            } else if let Access::Real(_, Some(set)) = group.access {
+                for (i, value) in indices.clone().zip(values) {
+                    set(&mut self.model, i, *value);
+                }
+            }
+        }
+        self.life.stale = true;
+        true
     }
 
     /// fmi2SetInteger.
@@ -179,19 +254,6 @@ impl<M: Model> Instance<M> {
         references: &[u32],
         values: usize,
     ) -> Result<(), Error> {
-        self.check_set_and(function, expected, references, values, |_| Ok(()))
-    }
-
-    /// The same, and each run by `check`.
-    #[inline]
-    fn check_set_and(
-        &self,
-        function: Function,
-        expected: Type,
-        references: &[u32],
-        values: usize,
-        check: impl Fn(&Run<'_, M>) -> Result<(), Error>,
-    ) -> Result<(), Error> {
         let before_steps = matches!(self.life.state, State::Instantiated | State::Initialization);
         self.check_call(function, expected, references, values, |run| {
             let reason = match (run.group.causality, run.group.variability) {
@@ -199,7 +261,7 @@ impl<M: Model> Instance<M> {
                 (Causality::Parameter, Variability::Fixed) if !before_steps => {
                     "it is a fixed parameter; expected to be set before initialization ends"
                 }
-                _ => return check(run),
+                _ => return Ok(()),
             };
             Err(Error::NotSettable { function, name: self.name_of(run.references), reason })
         })

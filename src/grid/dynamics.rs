@@ -25,7 +25,7 @@ pub struct Grid<'a> {
 }
 
 impl Dynamics for Grid<'_> {
-    #[inline]
+    #[inline(always)]
     fn derivative(&mut self, y: &[f64], dy: &mut [f64]) -> bool {
         let n = y.len() / 4;
         let (u, k, ws) = (self.inputs, self.parameters, &mut *self.workspace);
@@ -52,13 +52,13 @@ impl Dynamics for Grid<'_> {
         true
     }
 
-    #[inline]
+    #[inline(always)]
     fn scale(&self, k: usize, value: f64) -> f64 {
         // Angles turn without bound, their errors matter against one radian.
         if k < self.inputs.omega_set.len() { 1.0 } else { value }
     }
 
-    #[inline]
+    #[inline(always)]
     fn plausible(&self, y: &[f64]) -> bool {
         let n = y.len() / 4;
         y[n..3 * n].iter().all(|x| x.abs() < RUN_AWAY_PU)

@@ -2,6 +2,8 @@
 //! "A family of embedded Runge-Kutta formulae", 1980), with step control after Hairer, Norsett and
 //! Wanner, "Solving Ordinary Differential Equations I", section II.4. Knows nothing of grids.
 
+use pulp::{Arch, NullaryFnOnce};
+
 /// A system dy/dt = f(y) whose inputs are held.
 pub trait Dynamics {
     /// Writes f(y) into `dy`; false when it cannot be evaluated there.
@@ -87,10 +89,21 @@ impl Integrator {
         (self.relative, self.absolute)
     }
 
-    /// Advances `y` by `duration_s`. `step_s` is the size that the next internal step wants; it outlives
+    /// Advances `y` by `duration_s`, in code for the processor that it runs on. `step_s` is the size that the next internal step wants; it outlives
     /// the call, so that short communication steps cost no more than they must. On failure `y` and
     /// `step_s` are as before.
     pub fn advance<D: Dynamics>(
+        &mut self,
+        dynamics: &mut D,
+        y: &mut [f64],
+        step_s: &mut f64,
+        duration_s: f64,
+    ) -> Result<Effort, Failure> {
+        Arch::new().dispatch(Advance { integrator: self, dynamics, y, step_s, duration_s })
+    }
+
+    #[inline(always)]
+    fn advance_here<D: Dynamics>(
         &mut self,
         dynamics: &mut D,
         y: &mut [f64],
@@ -153,6 +166,7 @@ impl Integrator {
     }
 
     /// Stages 2 to 7 of a step of size `h` from `self.y`; the solution is left in `self.stage`.
+    #[inline(always)]
     fn stages<D: Dynamics>(&mut self, dynamics: &mut D, h: f64) -> bool {
         let m = self.y.len();
         let y = &self.y[..m];
@@ -160,21 +174,40 @@ impl Integrator {
         for (s, weights) in A.iter().enumerate() {
             let [k1, k2, k3, k4, k5, k6, _] = &self.slopes;
             let (k1, k2, k3, k4, k5, k6) = (&k1[..m], &k2[..m], &k3[..m], &k4[..m], &k5[..m], &k6[..m]);
+            // Loops, because a closure is no part of the code for this processor.
             match **weights {
-                [a1] => (0..m).for_each(|k| stage[k] = y[k] + h * (a1 * k1[k])),
-                [a1, a2] => (0..m).for_each(|k| stage[k] = y[k] + h * (a1 * k1[k] + a2 * k2[k])),
-                [a1, a2, a3] => {
-                    (0..m).for_each(|k| stage[k] = y[k] + h * (a1 * k1[k] + a2 * k2[k] + a3 * k3[k]));
+                [a1] => {
+                    for k in 0..m {
+                        stage[k] = y[k] + h * (a1 * k1[k]);
+                    }
                 }
-                [a1, a2, a3, a4] => (0..m).for_each(|k| {
-                    stage[k] = y[k] + h * (a1 * k1[k] + a2 * k2[k] + a3 * k3[k] + a4 * k4[k]);
-                }),
-                [a1, a2, a3, a4, a5] => (0..m).for_each(|k| {
-                    stage[k] = y[k] + h * (a1 * k1[k] + a2 * k2[k] + a3 * k3[k] + a4 * k4[k] + a5 * k5[k]);
-                }),
-                [a1, _, a3, a4, a5, a6] => (0..m).for_each(|k| {
-                    stage[k] = y[k] + h * (a1 * k1[k] + a3 * k3[k] + a4 * k4[k] + a5 * k5[k] + a6 * k6[k]);
-                }),
+                [a1, a2] => {
+                    for k in 0..m {
+                        stage[k] = y[k] + h * (a1 * k1[k] + a2 * k2[k]);
+                    }
+                }
+                [a1, a2, a3] => {
+                    for k in 0..m {
+                        stage[k] = y[k] + h * (a1 * k1[k] + a2 * k2[k] + a3 * k3[k]);
+                    }
+                }
+                [a1, a2, a3, a4] => {
+                    for k in 0..m {
+                        stage[k] = y[k] + h * (a1 * k1[k] + a2 * k2[k] + a3 * k3[k] + a4 * k4[k]);
+                    }
+                }
+                [a1, a2, a3, a4, a5] => {
+                    for k in 0..m {
+                        stage[k] =
+                            y[k] + h * (a1 * k1[k] + a2 * k2[k] + a3 * k3[k] + a4 * k4[k] + a5 * k5[k]);
+                    }
+                }
+                [a1, _, a3, a4, a5, a6] => {
+                    for k in 0..m {
+                        stage[k] =
+                            y[k] + h * (a1 * k1[k] + a3 * k3[k] + a4 * k4[k] + a5 * k5[k] + a6 * k6[k]);
+                    }
+                }
                 _ => {}
             }
             if !dynamics.derivative(stage, &mut self.slopes[s + 1]) {
@@ -185,6 +218,7 @@ impl Integrator {
     }
 
     /// Largest error of the step over its tolerance; NaN when anything is not finite.
+    #[inline(always)]
     fn error<D: Dynamics>(&self, dynamics: &D, h: f64) -> f64 {
         let m = self.y.len();
         let [k1, _, k3, k4, k5, k6, k7] = &self.slopes;
@@ -208,6 +242,24 @@ impl Integrator {
             }
         }
         worst
+    }
+}
+
+/// [`Integrator::advance`], compiled for each kind of processor.
+struct Advance<'a, D> {
+    integrator: &'a mut Integrator,
+    dynamics: &'a mut D,
+    y: &'a mut [f64],
+    step_s: &'a mut f64,
+    duration_s: f64,
+}
+
+impl<D: Dynamics> NullaryFnOnce for Advance<'_, D> {
+    type Output = Result<Effort, Failure>;
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        self.integrator.advance_here(self.dynamics, self.y, self.step_s, self.duration_s)
     }
 }
 

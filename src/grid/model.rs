@@ -10,8 +10,10 @@ use super::network::{Conditions, Network};
 use super::plant::Plant;
 use super::state::{FIRST_STEP_S, Inputs, Parameters, State, wrap};
 use super::steady_state::{SteadyState, steady_state};
+use super::trigonometry::polar;
 use super::workspace::Workspace;
 use faer::c64;
+use pulp::{Arch, NullaryFnOnce};
 use std::cell::RefCell;
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -342,17 +344,30 @@ impl GridModel {
         if readout.valid {
             return Ok(());
         }
+        Arch::new().dispatch(Read { model: self, readout: &mut *readout })?;
+        readout.tie = self.network.tie_power(&readout.workspace.v);
+        readout.valid = true;
+        Ok(())
+    }
+}
+
+/// Makes the bus voltages; compiled for each kind of processor.
+struct Read<'a> {
+    model: &'a GridModel,
+    readout: &'a mut Readout,
+}
+
+impl NullaryFnOnce for Read<'_> {
+    type Output = Result<(), GridError>;
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let Self { model, readout } = self;
         let ws = &mut readout.workspace;
         ws.restart();
-        ws.set_sources((0..self.n()).map(|i| self.V(i)), &self.state.delta);
-        self.network.voltages(ws)?;
-        for ((v, vm), va) in ws.v.iter().zip(&mut readout.vm).zip(&mut readout.va) {
-            // Voltages are near 1 pu: no need of hypot's care for the extremes.
-            *vm = v.norm_sqr().sqrt();
-            *va = v.im.atan2(v.re);
-        }
-        readout.tie = self.network.tie_power(&ws.v);
-        readout.valid = true;
+        ws.set_sources((0..model.n()).map(|i| model.V(i)), &model.state.delta);
+        model.network.voltages(ws)?;
+        polar(&ws.v, &mut readout.vm, &mut readout.va);
         Ok(())
     }
 }

@@ -138,7 +138,7 @@ impl Network {
     }
 
     /// Currents `ws.i_*` that the sources send into the network, from their voltages `ws.e_*`, pu.
-    #[inline]
+    #[inline(always)]
     pub fn currents(&self, ws: &mut Workspace) -> Result<(), GridError> {
         if let Some(reduction) = &self.reduction {
             return reduction.currents(&self.plant, ws);
@@ -173,6 +173,7 @@ impl Network {
     }
 
     /// Bus voltages `ws.v` from the sources' voltages `ws.e_*`, pu.
+    #[inline(always)]
     pub fn voltages(&self, ws: &mut Workspace) -> Result<(), GridError> {
         if let Some(reduction) = &self.reduction {
             return reduction.voltages(&self.plant, ws);

@@ -102,7 +102,7 @@ impl Reduction {
     }
 
     /// Source currents from the source voltages in the workspace.
-    #[inline]
+    #[inline(always)]
     pub fn currents(&self, plant: &Plant, ws: &mut Workspace) -> Result<(), GridError> {
         let n = self.n;
         let (i_re, i_im) = (&mut ws.i_re[..n], &mut ws.i_im[..n]);
@@ -132,6 +132,7 @@ impl Reduction {
     }
 
     /// Bus voltages from the source voltages in the workspace, into `ws.v`.
+    #[inline(always)]
     pub fn voltages(&self, plant: &Plant, ws: &mut Workspace) -> Result<(), GridError> {
         self.linear_voltages(ws);
         if !plant.nonlinear.is_empty() {
@@ -146,6 +147,7 @@ impl Reduction {
     }
 
     /// The same without the currents of loads that are not impedances.
+    #[inline(always)]
     pub fn linear_voltages(&self, ws: &mut Workspace) {
         let n_bus = self.n_bus;
         let (v_re, v_im) = (&mut ws.bus_re[..n_bus], &mut ws.bus_im[..n_bus]);

@@ -70,7 +70,7 @@ impl Workspace {
     }
 
     /// Sets the voltages of all sources: magnitudes `V`, pu, angles `delta`, rad.
-    #[inline]
+    #[inline(always)]
     pub fn set_sources(&mut self, V: impl Iterator<Item = f64>, delta: &[f64]) {
         sin_cos(delta, &mut self.sin, &mut self.cos);
         let directions = self.cos.iter().zip(&self.sin);
@@ -82,7 +82,7 @@ impl Workspace {
     }
 
     /// Instantaneous powers (p, q) of the sources, pu, q positive inductive.
-    #[inline]
+    #[inline(always)]
     pub fn powers(&self) -> impl Iterator<Item = (f64, f64)> {
         let voltages = self.e_re.iter().zip(&self.e_im);
         let currents = self.i_re.iter().zip(&self.i_im);

@@ -198,7 +198,13 @@ impl Walk<'_> {
     fn root(&mut self, element: &BytesStart<'_>) -> Result<(), DescriptionError> {
         let version = self.required(element, "fmiVersion")?;
         if version != "2.0" {
-            return Err(self.error(format!("fmiVersion=\"{version}\""), "fmiVersion=\"2.0\""));
+            let expected = if version.starts_with("3.") {
+                "fmiVersion=\"2.0\", which `bess` couples; export the FMU as FMI 2.0 (in `bess export` leave `--fmi 3` \
+                 out), or couple it in FMPy, see docs/masters.md"
+            } else {
+                "fmiVersion=\"2.0\""
+            };
+            return Err(self.error(format!("fmiVersion=\"{version}\""), expected));
         }
         let name = self.required(element, "modelName")?;
         let guid = self.required(element, "guid")?;

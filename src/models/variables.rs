@@ -22,6 +22,7 @@ pub fn group<M>(
         description,
         unit: matches!(access, Access::Real(..)).then_some(Unit::One),
         count: None,
+        size: None,
         causality,
         variability,
         access,

@@ -1,6 +1,8 @@
 //! What an FMU carries for people: `documentation/index.html`, `model.png`, the licences. The table of
 //! variables is that of the model; prose and drawing are files beside this one. Decides nothing about the model.
 
+pub mod three;
+
 use super::PackageError;
 use super::archive::Entries;
 use crate::fmi::lookup::Value;
@@ -48,9 +50,16 @@ const MAX_VALUES: usize = 8;
 
 /// All entries of the archive that are there for people.
 pub fn entries<M: Model>(model: &M, interface: Interface, papers: &Papers) -> Result<Entries, PackageError> {
+    let mut entries = licences(papers);
+    entries.insert("documentation/index.html".to_owned(), page(model, interface, papers)?.into_bytes());
+    entries.insert("model.png".to_owned(), papers.icon.to_vec());
+    Ok(entries)
+}
+
+/// What is the same in every edition.
+fn licences(papers: &Papers) -> Entries {
     let text = |name: &str, text: &str| (format!("documentation/{name}"), text.as_bytes().to_vec());
-    Ok([
-        text("index.html", &page(model, interface, papers)?),
+    [
         text("licenses/license.txt", include_str!("licenses/license.txt")),
         text("licenses/LICENSE-MIT", include_str!("../../LICENSE-MIT")),
         text("licenses/LICENSE-APACHE", include_str!("../../LICENSE-APACHE")),
@@ -58,28 +67,13 @@ pub fn entries<M: Model>(model: &M, interface: Interface, papers: &Papers) -> Re
         text("licenses/third-party.txt", papers.third_party),
         // FMI 2.0 knows no folder `extra/`, and `resources/` is what the library reads.
         text("sbom.cdx.json", papers.materials),
-        ("model.png".to_owned(), papers.icon.to_vec()),
     ]
-    .into())
+    .into()
 }
 
 fn page<M: Model>(model: &M, interface: Interface, papers: &Papers) -> Result<String, PackageError> {
     let registry = Registry::new(model, interface)?;
-    let mut html = String::from("<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n");
-    let (title, version) = (escaped(papers.title), env!("CARGO_PKG_VERSION"));
-    let _ = write!(
-        html,
-        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>{}: {title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
-         <header>{}<div><h1>{title}</h1>\n\
-         <p class=\"subtitle\">{}.fmu, an FMI 2.0 co-simulation FMU of bess-consensus {version}</p></div></header>\n\
-         <nav><a href=\"#what\">What it is</a> &middot; <a href=\"#quick-start\">Quick start</a> &middot; \
-         <a href=\"#connect\">Connect</a> &middot; <a href=\"#parameters\">Parameters</a> &middot; \
-         <a href=\"#variables\">All variables</a> &middot; <a href=\"#licence\">Licence</a></nav>\n",
-        M::IDENTIFIER,
-        papers.drawing,
-        M::IDENTIFIER,
-    );
+    let mut html = head(M::IDENTIFIER, papers, "2.0");
     html.push_str(&filled(papers.prose, M::IDENTIFIER, &registry, interface));
     let _ = write!(
         html,
@@ -88,9 +82,33 @@ fn page<M: Model>(model: &M, interface: Interface, papers: &Papers) -> Result<St
         registry.len()
     );
     table(&mut html, &registry, model, interface);
-    html.push_str(LICENCE);
-    let _ = write!(html, "<footer>bess-consensus {version}</footer>\n</body>\n</html>\n");
+    foot(&mut html);
     Ok(html)
+}
+
+/// From the beginning to the prose, for this version of FMI.
+fn head(identifier: &str, papers: &Papers, version_of_fmi: &str) -> String {
+    let mut html = String::from("<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n");
+    let (title, version) = (escaped(papers.title), env!("CARGO_PKG_VERSION"));
+    let _ = write!(
+        html,
+        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>{identifier}: {title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
+         <header>{}<div><h1>{title}</h1>\n\
+         <p class=\"subtitle\">{identifier}.fmu, an FMI {version_of_fmi} co-simulation FMU of bess-consensus {version}</p></div></header>\n\
+         <nav><a href=\"#what\">What it is</a> &middot; <a href=\"#quick-start\">Quick start</a> &middot; \
+         <a href=\"#connect\">Connect</a> &middot; <a href=\"#parameters\">Parameters</a> &middot; \
+         <a href=\"#variables\">All variables</a> &middot; <a href=\"#licence\">Licence</a></nav>\n",
+        papers.drawing,
+    );
+    html
+}
+
+/// From the end of the table.
+fn foot(html: &mut String) {
+    html.push_str(LICENCE);
+    let version = env!("CARGO_PKG_VERSION");
+    let _ = write!(html, "<footer>bess-consensus {version}</footer>\n</body>\n</html>\n");
 }
 
 /// The prose with the names as this interface spells them.

@@ -6,6 +6,7 @@ mod archive;
 mod documentation;
 mod libraries;
 mod system;
+mod three;
 
 use crate::fmi::lookup::RegistryError;
 use crate::fmi::{Interface, Model, ModelError, model_description};
@@ -16,6 +17,7 @@ pub use libraries::{Libraries, PLATFORM, library_file_name};
 use std::path::{Path, PathBuf};
 
 pub use system::{SystemError, write_parts, write_system};
+pub use three::{platform_3, write_controller_3, write_controller_3_of, write_grid_3};
 
 /// Why an archive was not written.
 #[derive(Debug, thiserror::Error)]

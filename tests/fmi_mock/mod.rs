@@ -4,8 +4,8 @@
 #![allow(clippy::panic, reason = "it is what some tests are about")]
 
 use bess_consensus::fmi::{
-    Access, Along, Causality, Dependencies, Group, Log, LogLevel, Model, ModelError, Phase, Plane, Range,
-    Row, Step, Unit, Variability,
+    Access, Along, Array, Causality, Dependencies, Group, Log, LogLevel, Model, ModelError, Phase, Plane,
+    Range, Row, Shape, Size, Step, Unit, Values, Variability,
 };
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -20,6 +20,9 @@ pub const REFRESH_PANICS: i32 = 3;
 pub const REFRESH_FAILS: i32 = 4;
 pub const STEP_LOGS: i32 = 5;
 pub const DIFFERENTIATE_FAILS: i32 = 6;
+/// A bias that cannot be built in, and one that panics when it is.
+pub const BIAS_FAILS: f64 = 404.0;
+pub const BIAS_PANICS: f64 = 666.0;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
@@ -37,9 +40,10 @@ pub struct State {
     pub total: f64,
 }
 
-/// The shown plane, and the other one: while tangents are shown the two have changed places.
+/// The shown plane, and the other one: while tangents are shown the two have changed places. Then what it was built
+/// from: `total` has the sum of `bias` in it.
 #[derive(Clone)]
-pub struct Mock(pub State, State);
+pub struct Mock(pub State, State, Shape);
 
 impl Mock {
     pub fn with(n: usize) -> Self {
@@ -58,7 +62,31 @@ impl Mock {
             nanoseconds: 0,
             total: 0.0,
         };
-        Mock(values.clone(), values)
+        let size = |name, value, min, max| Size {
+            name,
+            description: "a size",
+            value,
+            min,
+            max,
+            mend: "choose another",
+        };
+        let array = |name, at_most, values| Array {
+            name,
+            description: "of the sum",
+            unit: matches!(values, Values::Float64(_)).then_some(Unit::PerUnit),
+            size: "m",
+            at_most,
+            range: Range::NOT_NEGATIVE,
+            values,
+        };
+        let shape = Shape {
+            sizes: vec![size("n", n as u64, 1, 1000), size("m", 1, 0, 10)],
+            arrays: vec![
+                array("bias", None, Values::Float64(vec![0.0])),
+                array("whose", Some("n"), Values::UInt64(vec![0])),
+            ],
+        };
+        Mock(values.clone(), values, shape)
     }
 }
 
@@ -79,6 +107,22 @@ impl Model for Mock {
         Ok(Mock::with(n))
     }
 
+    fn shape(&self) -> Shape {
+        self.2.clone()
+    }
+
+    fn reshaped(&self, shape: &Shape) -> Result<Self, ModelError> {
+        let bias = shape.reals("bias");
+        if bias.contains(&BIAS_PANICS) {
+            panic!("the mock was told to panic while it is built");
+        }
+        if bias.contains(&BIAS_FAILS) {
+            return Err(ModelError::new("bias: found 404, expected something else"));
+        }
+        let Mock(values, tangents, _) = Mock::with(shape.size("n").unwrap_or_default() as usize);
+        Ok(Mock(values, tangents, shape.clone()))
+    }
+
     fn variables(&self) -> Vec<Group<Self>> {
         let n = Some(self.0.x.len());
         let group = |name, description, causality, variability, access| Group {
@@ -86,6 +130,7 @@ impl Model for Mock {
             description,
             unit: Some(Unit::PerUnit),
             count: n,
+            size: Some("n"),
             causality,
             variability,
             access,
@@ -231,7 +276,7 @@ impl Model for Mock {
     }
 
     fn differentiate(&mut self, along: Along, _: Phase) -> Result<(), ModelError> {
-        let Mock(d, s) = self;
+        let Mock(d, s, _) = self;
         if s.fault == DIFFERENTIATE_FAILS {
             return Err(ModelError::new("the mock was told to fail in differentiate"));
         }
@@ -273,6 +318,6 @@ impl Mock {
         for i in 0..self.0.x.len() {
             self.0.y[i] = self.0.x[i] + self.0.u[i];
         }
-        self.0.total = self.0.u.iter().sum();
+        self.0.total = self.0.u.iter().chain(self.2.reals("bias")).sum();
     }
 }

@@ -51,7 +51,7 @@ def test_the_windows_library_needs_only_what_windows_has(unpacked, which):
 
 @BOTH
 @pytest.mark.parametrize("platform", PLATFORMS)
-def test_the_34_functions_are_shown_and_nothing_else(unpacked, which, platform, root):
+def test_the_functions_of_both_standards_are_shown_and_nothing_else(unpacked, which, platform, root):
     file = library(unpacked, which, platform)
     if platform in ELF:
         table = said("readelf", "--wide", "--dyn-syms", file).splitlines()
@@ -65,12 +65,15 @@ def test_the_34_functions_are_shown_and_nothing_else(unpacked, which, platform, 
 
 
 def functions(root):
-    """The functions that the standard's header declares for co-simulation."""
+    """The functions that the standards' headers declare: of FMI 2.0 those for co-simulation, of FMI 3.0 all."""
     header = (root / "src/fmi/headers/fmi2Functions.h").read_text()
     declared = set(re.findall(r"FMI2_Export \w+\s+(fmi2\w+)", header))
     names = declared - {name for name in declared if name in MODEL_EXCHANGE}
     assert len(names) == 34, sorted(names)
-    return names
+    header = (root / "src/fmi/headers/fmi3Functions.h").read_text()
+    three = set(re.findall(r"^FMI3_Export \w+\s+(fmi3\w+);", header, re.MULTILINE))
+    assert len(three) == 75, sorted(three)
+    return names | three
 
 
 MODEL_EXCHANGE = {

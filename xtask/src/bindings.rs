@@ -1,4 +1,4 @@
-//! The Rust bindings of the FMI 2.0 headers: made anew with bindgen, compared with what is checked in.
+//! The Rust bindings of the FMI headers: made anew with bindgen, compared with what is checked in.
 
 use crate::{
     error::Failure,
@@ -6,44 +6,51 @@ use crate::{
     workspace::Workspace,
 };
 use serde_json::Value;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// What is checked in, from the workspace root.
-const CHECKED_IN: &str = "src/fmi/bindings.rs";
+/// What the build script makes, and where it is checked in, from the workspace root.
+const FILES: [(&str, &str); 2] =
+    [("bindings.rs", "src/fmi/bindings.rs"), ("bindings3.rs", "src/fmi/three/bindings.rs")];
 
 /// Fails if the bindings that are checked in are not those that the headers give.
 pub fn check(workspace: &Workspace) -> Result<(), Failure> {
-    let fresh = generate(workspace)?;
-    let path = workspace.root.join(CHECKED_IN);
-    let checked_in = std::fs::read_to_string(&path).map_err(Failure::file("read", &path))?;
-    match first_difference(&checked_in, &fresh) {
-        None => Ok(()),
-        Some((line, found, expected)) => Err(Failure::Other(format!(
-            "{CHECKED_IN}:{line} is stale: found `{found}`, the headers give `{expected}`; \
-             run `cargo xtask generate bindings`"
-        ))),
+    let made = generate(workspace)?;
+    for (name, kept) in FILES {
+        let (fresh, checked_in) = (read(&made.join(name))?, read(&workspace.root.join(kept))?);
+        if let Some((line, found, expected)) = first_difference(&checked_in, &fresh) {
+            return Err(Failure::Other(format!(
+                "{kept}:{line} is stale: found `{found}`, the headers give `{expected}`; \
+                 run `cargo xtask generate bindings`"
+            )));
+        }
     }
+    Ok(())
 }
 
 /// Writes the bindings into the source tree.
 pub fn write(workspace: &Workspace) -> Result<(), Failure> {
-    let path = workspace.root.join(CHECKED_IN);
-    std::fs::write(&path, generate(workspace)?).map_err(Failure::file("write", &path))?;
-    println!("{CHECKED_IN}");
+    let made = generate(workspace)?;
+    for (name, kept) in FILES {
+        let path = workspace.root.join(kept);
+        std::fs::write(&path, read(&made.join(name))?).map_err(Failure::file("write", &path))?;
+        println!("{kept}");
+    }
     Ok(())
 }
 
-/// Has the root package's build script make the bindings, and reads them from its output folder.
-fn generate(workspace: &Workspace) -> Result<String, Failure> {
+fn read(path: &Path) -> Result<String, Failure> {
+    std::fs::read_to_string(path).map_err(Failure::file("read", path))
+}
+
+/// Has the root package's build script make the bindings; the folder that they are in.
+fn generate(workspace: &Workspace) -> Result<PathBuf, Failure> {
     let mut check = cargo(workspace);
     check.args(["check", "--quiet", "--release", "--package", "bess-consensus", "--lib"]);
     check.args(["--no-default-features", "--features", "bindgen"]);
     check.args(["--message-format", "json-render-diagnostics"]);
-    let out = build_script_folder(&output(&mut check)?).ok_or_else(|| {
+    build_script_folder(&output(&mut check)?).ok_or_else(|| {
         Failure::Other("cargo reports no build script output for bess-consensus; see build.rs".into())
-    })?;
-    let file = out.join("bindings.rs");
-    std::fs::read_to_string(&file).map_err(Failure::file("read", &file))
+    })
 }
 
 /// OUT_DIR of the root package, from cargo's messages (one JSON object a line).

@@ -14,6 +14,19 @@ pub const CONTROLLER: &str = "fmu/BessConsensus.fmu";
 /// The packed grid, from the workspace root.
 pub const GRID: &str = "fmu/BessGrid.fmu";
 
+/// The packed controller of FMI 3.0.
+pub const CONTROLLER_3: &str = "fmu/BessConsensus.fmi3.fmu";
+/// The packed grid of FMI 3.0.
+pub const GRID_3: &str = "fmu/BessGrid.fmi3.fmu";
+
+/// Model, version of FMI, and the file that is packed of it.
+const PACKED: [(&str, &str, &str); 4] = [
+    ("controller", "2", CONTROLLER),
+    ("grid", "2", GRID),
+    ("controller", "3", CONTROLLER_3),
+    ("grid", "3", GRID_3),
+];
+
 /// Builds for this platform, and packs both FMUs for the scenario `case1`.
 pub fn build_and_pack(workspace: &Workspace) -> Result<(), Failure> {
     let Some(platform) = Platform::here() else {
@@ -61,14 +74,14 @@ pub fn libraries(workspace: &Workspace, platform: Platform) -> Built {
     Built::in_folder(platform, &workspace.plain_libraries())
 }
 
-/// Builds the `bess` that carries these libraries, and has it write both FMUs.
+/// Builds the `bess` that carries these libraries, and has it write both FMUs, each for FMI 2.0 and FMI 3.0.
 fn pack(workspace: &Workspace, built: &[Built]) -> Result<(), Failure> {
     let archive = platforms::carry(workspace, built)?;
     let mut bess = cargo(workspace);
     bess.args(["rustc", "--locked", "--release", "--package", "bess-consensus", "--bin", "bess"]);
     start(bess.env("BESS_CARRY", archive).arg("--").args(platforms::CARRY_CFG))?;
-    for (model, file) in [("controller", CONTROLLER), ("grid", GRID)] {
-        run(command(workspace, workspace.bess()).args(["export", model, "case1", "-o", file]))?;
+    for (model, fmi, file) in PACKED {
+        run(command(workspace, workspace.bess()).args(["export", model, "case1", "--fmi", fmi, "-o", file]))?;
         let packed = workspace.root.join(file);
         let size = std::fs::metadata(&packed).map_err(Failure::file("find", &packed))?.len();
         println!("{file}: {}", kibibytes(size));

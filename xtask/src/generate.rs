@@ -3,7 +3,7 @@
 use crate::{
     bindings,
     error::Failure,
-    fmu::{self, CONTROLLER, GRID},
+    fmu::{self, CONTROLLER, CONTROLLER_3, GRID, GRID_3},
     licenses,
     process::{cargo, command, output, run as start},
     supply,
@@ -14,7 +14,7 @@ use clap::ValueEnum;
 /// A kind of generated file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Generated {
-    /// src/fmi/bindings.rs, from src/fmi/headers; needs libclang.
+    /// src/fmi/bindings.rs and src/fmi/three/bindings.rs, from src/fmi/headers; needs libclang.
     Bindings,
     /// src/package/icons/*.png, from the drawings beside them.
     Icons,
@@ -68,7 +68,12 @@ pub fn run(workspace: &Workspace, what: &[Generated]) -> Result<(), Failure> {
 fn model_descriptions(workspace: &Workspace) -> Result<(), Failure> {
     let folder = workspace.root.join("modelDescription");
     std::fs::create_dir_all(&folder).map_err(Failure::file("make", &folder))?;
-    for (archive, name) in [(CONTROLLER, "BessConsensus"), (GRID, "BessGrid")] {
+    for (archive, name) in [
+        (CONTROLLER, "BessConsensus"),
+        (GRID, "BessGrid"),
+        (CONTROLLER_3, "BessConsensus.fmi3"),
+        (GRID_3, "BessGrid.fmi3"),
+    ] {
         let unpacked = workspace.target.join("unpacked").join(name);
         start(command(workspace, "python3").args(["-m", "zipfile", "-e", archive]).arg(&unpacked))?;
         let (from, to) = (unpacked.join("modelDescription.xml"), folder.join(format!("{name}.xml")));

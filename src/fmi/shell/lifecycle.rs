@@ -79,7 +79,7 @@ pub unsafe extern "C" fn instantiate<M: Model>(
 
 /// # Safety
 /// `pointer` is NULL or a string that ends in NUL and lives during `'a`.
-unsafe fn text<'a>(pointer: fmi2String) -> Option<&'a CStr> {
+pub(in crate::fmi) unsafe fn text<'a>(pointer: fmi2String) -> Option<&'a CStr> {
     // SAFETY: not NULL, else as promised by the caller.
     (!pointer.is_null()).then(|| unsafe { CStr::from_ptr(pointer) })
 }

@@ -90,7 +90,7 @@ fn report<M: Model>(instance: &mut Instance<M>, error: &Error) -> fmi2Status {
 }
 
 /// What a panic said.
-fn panic_message(payload: Box<dyn Any + Send>) -> String {
+pub(in crate::fmi) fn panic_message(payload: Box<dyn Any + Send>) -> String {
     let text = payload.downcast_ref::<&str>().map(|s| (*s).to_owned());
     let text = text.or_else(|| payload.downcast_ref::<String>().cloned());
     discard(payload);
@@ -98,14 +98,14 @@ fn panic_message(payload: Box<dyn Any + Send>) -> String {
 }
 
 /// Drops what a panic carried; should that panic again, it is leaked.
-fn discard(payload: Box<dyn Any + Send>) {
+pub(in crate::fmi) fn discard(payload: Box<dyn Any + Send>) {
     if let Err(second) = catch_unwind(AssertUnwindSafe(|| drop(payload))) {
         std::mem::forget(second);
     }
 }
 
 /// Why this pointer to `length` elements cannot be followed, if it cannot.
-fn pointer_fault<T>(pointer: *const T, length: usize) -> Option<&'static str> {
+pub(in crate::fmi) fn pointer_fault<T>(pointer: *const T, length: usize) -> Option<&'static str> {
     if pointer.is_null() {
         Some("NULL")
     } else if !pointer.is_aligned() {

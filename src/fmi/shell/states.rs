@@ -23,7 +23,7 @@ impl<M: Model> Handle<M> {
 }
 
 /// FNV-1a, 64 bits.
-const fn fnv(mut bytes: &[u8], mut hash: u64) -> u64 {
+pub(in crate::fmi) const fn fnv(mut bytes: &[u8], mut hash: u64) -> u64 {
     while let [first, rest @ ..] = bytes {
         hash = (hash ^ *first as u64).wrapping_mul(0x0100_0000_01b3);
         bytes = rest;

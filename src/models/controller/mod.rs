@@ -2,6 +2,7 @@
 
 mod parameters;
 mod part;
+mod shape;
 mod variables;
 
 use super::planes::Planes;
@@ -11,9 +12,10 @@ use crate::control::config::Config;
 use crate::control::order::Order;
 use crate::control::tangent::{Direction, Tangents};
 use crate::control::{Inputs, Outputs, Parameters};
-use crate::fmi::{Along, Group, Log, LogLevel, Model, ModelError, Phase, Plane, Step};
+use crate::fmi::{Along, Group, Log, LogLevel, Model, ModelError, Phase, Plane, Shape, Step};
 use std::ops::{Deref, DerefMut};
 use std::path::Path;
+use std::sync::Arc;
 
 /// The model of `BessConsensus.fmu`.
 #[derive(Clone)]
@@ -26,6 +28,14 @@ pub struct Controller {
     /// Numbers in the fleet of all agents of a part, from 1; empty alike.
     numbers: Vec<u32>,
     planes: Planes<control::Controller, Tangents>,
+    /// What others are made of, where that has been asked for.
+    recipe: Option<Arc<Recipe>>,
+}
+
+/// What the file says, and what has been chosen beyond it.
+struct Recipe {
+    file: Arc<Resource<Config>>,
+    shape: Shape,
 }
 
 impl Controller {
@@ -51,7 +61,14 @@ impl Controller {
         let experiment = (resource.stop_s, resource.step_s);
         let own = if controller.part().is_some() { controller.own_agents() } else { Vec::new() };
         let numbers = controller.part().map_or_else(Vec::new, |part| part.agents.clone());
-        Ok(Self { experiment, order, own, numbers, planes: Planes::new(controller) })
+        Ok(Self { experiment, order, own, numbers, planes: Planes::new(controller), recipe: None })
+    }
+
+    /// The same, of which others can be made.
+    fn from_recipe(file: Arc<Resource<Config>>, shape: Shape) -> Result<Self, ModelError> {
+        let config = shape::configured(&file.config, &shape)?;
+        let made = Self::new(Resource { stop_s: file.stop_s, step_s: file.step_s, config })?;
+        Ok(Self { recipe: Some(Arc::new(Recipe { file, shape })), ..made })
     }
 
     /// Where the agents are inside.
@@ -119,6 +136,30 @@ impl Model for Controller {
 
     fn load(resources: &Path) -> Result<Self, ModelError> {
         Self::new(Resource::load(resources, Self::RESOURCE)?)
+    }
+
+    fn load_shapeable(resources: &Path) -> Result<Self, ModelError> {
+        let file = Arc::new(Resource::<Config>::load(resources, Self::RESOURCE)?);
+        if file.config.part.is_some() {
+            return Err(ModelError::new(
+                "clusters and agents alone are FMUs of FMI 2.0; expected a whole fleet",
+            ));
+        }
+        let shape = shape::shape(file.config.agents());
+        Self::from_recipe(file, shape)
+    }
+
+    fn shape(&self) -> Shape {
+        match &self.recipe {
+            Some(recipe) => recipe.shape.clone(),
+            None => shape::shape(self.planes.values.agents()),
+        }
+    }
+
+    fn reshaped(&self, shape: &Shape) -> Result<Self, ModelError> {
+        let unknown = || ModelError::new("the file that the model was made from has not been kept");
+        let recipe = self.recipe.as_ref().ok_or_else(unknown)?;
+        Self::from_recipe(Arc::clone(&recipe.file), shape.clone())
     }
 
     fn variables(&self) -> Vec<Group<Self>> {

@@ -40,6 +40,7 @@ pub fn variables(n: usize, topologies: &Topologies) -> Vec<Group<Controller>> {
     all.extend(diagnostics(n, written));
     all.extend(parameters::tunable());
     all.extend(parameters::fixed(n));
+    all.iter_mut().filter(|group| group.count.is_some()).for_each(|group| group.size = Some("n"));
     all
 }
 

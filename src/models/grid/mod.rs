@@ -4,7 +4,7 @@ mod variables;
 
 use super::planes::Planes;
 use super::resource::Resource;
-use crate::fmi::{Along, Group, Log, Model, ModelError, Phase, Plane, Step};
+use crate::fmi::{Along, Group, Log, Model, ModelError, Phase, Plane, Shape, Size, Step};
 use crate::grid::tangent::{Direction, Tangents};
 use crate::grid::{Config, GridError, GridModel, Inputs, State};
 use std::ops::{Deref, DerefMut};
@@ -77,6 +77,23 @@ impl Model for Grid {
     fn variables(&self) -> Vec<Group<Self>> {
         let grid = &self.planes.values;
         variables::variables(grid.n(), grid.n_bus(), grid.has_tie())
+    }
+
+    fn shape(&self) -> Shape {
+        let grid = &self.planes.values;
+        let size = |name, description, value| Size {
+            name,
+            description,
+            value,
+            min: value,
+            max: value,
+            mend: "the network of this FMU has that many; export another scenario for another",
+        };
+        let sizes = vec![
+            size("n", "Number of batteries", grid.n() as u64),
+            size("n_bus", "Number of buses", grid.n_bus() as u64),
+        ];
+        Shape { sizes, arrays: Vec::new() }
     }
 
     fn state(&self) -> &State {

@@ -10,6 +10,10 @@ pub fn variables(n: usize, buses: usize, has_tie: bool) -> Vec<Group<Grid>> {
     let mut all = inputs(n, buses, has_tie);
     all.extend(outputs(n, buses));
     all.extend(parameters(n));
+    for group in all.iter_mut().filter(|group| group.count.is_some()) {
+        let of_buses = ["dP_load", "dQ_load", "bus_V", "bus_angle"].contains(&group.name);
+        group.size = Some(if of_buses { "n_bus" } else { "n" });
+    }
     all
 }
 
