@@ -12,6 +12,7 @@
 //! | [`models`] | the two FMUs: control and grid behind the trait of `fmi` |
 //! | [`package`] | the `.fmu` archives, and the `.ssp` of both |
 //! | [`harness`] | the importer side: load, couple, record |
+//! | [`federation`] | federates of HELICS |
 //! | [`check`] | what is wrong with an FMU |
 //! | [`report`] | what a person looks at |
 //! | [`cli`] | parse, call one function, print |
@@ -26,6 +27,8 @@ pub mod grid;
 pub mod check;
 #[cfg(feature = "host")]
 pub mod cli;
+#[cfg(feature = "host")]
+pub mod federation;
 #[cfg(feature = "host")]
 pub mod harness;
 #[cfg(any(feature = "controller", feature = "grid"))]

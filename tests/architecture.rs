@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Each room with the rooms that it may use.
-const ROOMS: [(&str, &[&str]); 10] = [
+const ROOMS: [(&str, &[&str]); 11] = [
     ("control", &[]),
     ("grid", &[]),
     ("fmi", &[]),
@@ -15,13 +15,28 @@ const ROOMS: [(&str, &[&str]); 10] = [
     ("models", &["control", "grid", "fmi", "scenario"]),
     ("package", &["fmi", "scenario", "models"]),
     ("harness", &["fmi", "models", "scenario", "package"]),
+    ("federation", &["harness"]),
     ("check", &["harness"]),
     ("report", &[]),
-    ("cli", &["control", "grid", "fmi", "scenario", "models", "package", "harness", "check", "report"]),
+    (
+        "cli",
+        &[
+            "control",
+            "grid",
+            "fmi",
+            "scenario",
+            "models",
+            "package",
+            "harness",
+            "federation",
+            "check",
+            "report",
+        ],
+    ),
 ];
 
 /// Rooms where C enters.
-const UNSAFE_ROOMS: [&str; 2] = ["fmi", "harness"];
+const UNSAFE_ROOMS: [&str; 3] = ["fmi", "harness", "federation"];
 
 /// Generated files, which no one reads from top to bottom.
 const GENERATED: [&str; 2] = ["src/fmi/bindings.rs", "src/fmi/three/bindings.rs"];

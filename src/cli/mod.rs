@@ -9,6 +9,7 @@ mod check;
 mod cluster;
 mod duration;
 mod export;
+mod federate;
 mod run;
 mod show;
 
@@ -42,6 +43,11 @@ enum Command {
     Export(export::ExportArgs),
     /// Couple controller and grid, simulate, and leave trajectory.csv, summary.json and report.html
     Run(run::RunArgs),
+    /// Run grid and controller as federates of HELICS, here or on several machines
+    Federate(federate::FederateArgs),
+    /// The broker of a federation
+    #[command(name = federate::BROKER, hide = true)]
+    Broker(federate::BrokerArgs),
     /// Print the spanning tree, the cuts, the clusters with their leaders, and the weights
     Cluster(ScenarioArgs),
     /// Print lambda_2 and the certified times T_P and T_omega
@@ -114,6 +120,8 @@ pub fn main(carried: &'static [u8]) -> ExitCode {
     let done = match cli.command {
         Command::Export(args) => export::export(&args, carried),
         Command::Run(args) => run::run(&args),
+        Command::Federate(args) => federate::federate(&args),
+        Command::Broker(args) => federate::serve(&args),
         Command::Cluster(args) => cluster::cluster(&args),
         Command::Bounds(args) => bounds::bounds(&args),
         Command::Check(args) => match check::check(&args) {

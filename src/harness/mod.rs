@@ -2,6 +2,7 @@
 //! Takes any FMI 2.0 co-simulation FMU. Knows nothing of batteries or grids, prints nothing, and
 //! never lets C reach past [`library`], [`logger`] and [`slave`].
 
+mod apart;
 pub mod archive;
 mod binary;
 pub mod checkpoint;
@@ -37,6 +38,7 @@ mod slave_state;
 pub mod value;
 mod wiring;
 
+pub use apart::{Apart, stage_apart};
 pub use archive::{Limits, Unpacked};
 pub use checkpoint::{Checkpoint, CheckpointError};
 pub use coupling::{Connection, Endpoint, connect, connect_equal_names};

@@ -69,7 +69,7 @@ pub trait Participant {
 
 /// Names a state kept by one participant; means nothing to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct StateHandle(pub(super) u64);
+pub struct StateHandle(pub(crate) u64);
 
 /// How a call went wrong.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

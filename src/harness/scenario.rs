@@ -118,14 +118,14 @@ fn parted(
     Ok(Box::new(Parted::new(CONTROLLER, &fleet, whole.variables(), parts)))
 }
 
-fn refused(participant: &str, reason: String) -> HarnessError {
+pub(super) fn refused(participant: &str, reason: String) -> HarnessError {
     HarnessError::Call {
         participant: participant.to_owned(),
         source: CallError::new("fmi2Instantiate", reason),
     }
 }
 
-fn in_process<M: Model>(
+pub(super) fn in_process<M: Model>(
     name: &str,
     model: Result<M, ModelError>,
 ) -> Result<Box<dyn Participant>, HarnessError> {

@@ -39,6 +39,8 @@ pub enum Need {
     Octave,
     /// Counts instructions.
     Valgrind,
+    /// Networks apart from each other on one machine.
+    Iproute,
     /// The runtime of AddressSanitizer that rustup's compilers bring.
     Asan,
 }
@@ -61,6 +63,7 @@ impl Need {
             Need::QemuAarch64 => on_path("qemu-aarch64").is_some() && Path::new(ARM_LOADER).is_file(),
             Need::Octave => on_path("octave-cli").is_some(),
             Need::Valgrind => on_path("valgrind").is_some(),
+            Need::Iproute => ["ip", "tc"].iter().all(|tool| on_path(tool).is_some()),
             Need::Asan => fuzz::has_asan(),
         }
     }
@@ -79,6 +82,7 @@ impl Need {
             Need::QemuAarch64 => &["qemu-user", "libc6-arm64-cross"],
             Need::Octave => &["octave"],
             Need::Valgrind => &["valgrind"],
+            Need::Iproute => &["iproute2"],
         }
     }
 
@@ -105,6 +109,7 @@ impl Need {
             }
             Need::Octave => format!("octave is missing: {}", install_line(self.packages())),
             Need::Asan => "no AddressSanitizer beside this rustc: use rustup's, on x86-64 Linux".into(),
+            Need::Iproute => format!("ip or tc is missing: {}", install_line(self.packages())),
             Need::Valgrind => format!("valgrind is missing: {}", install_line(self.packages())),
         }
     }

@@ -44,6 +44,8 @@ pub enum Stage {
     Masters,
     /// Grids of other people: pandapower as an FMU, ANDES in Python
     Grids,
+    /// Grid and controllers as federates of HELICS, also in networks that lose and delay
+    Federation,
     /// The cases of the paper through the harness
     Run,
     /// Their reports in a browser without network
@@ -74,6 +76,7 @@ impl Stage {
             Stage::Fmpy => "fmpy",
             Stage::Masters => "masters",
             Stage::Grids => "grids",
+            Stage::Federation => "federation",
             Stage::Run => "run",
             Stage::Browser => "browser",
             Stage::Platforms => "platforms",
@@ -91,6 +94,7 @@ impl Stage {
             Stage::Bindings => &[Need::Libclang],
             Stage::Fmpy | Stage::Grids | Stage::Supply | Stage::Advisories => &[Need::Python],
             Stage::Masters => &[Need::Python, Need::Tbb],
+            Stage::Federation => &[Need::Python, Need::Iproute],
             Stage::Browser => &[Need::Python, Need::Chromium],
             Stage::Platforms => &[Need::Python, Need::CrossRust, Need::Mingw, Need::Wine, Need::QemuAarch64],
             Stage::Wheel => &[Need::Python, Need::CrossRust, Need::Mingw],
@@ -102,7 +106,12 @@ impl Stage {
     /// The stages whose work this one uses.
     fn after(self) -> &'static [Stage] {
         match self {
-            Stage::Fmpy | Stage::Masters | Stage::Grids | Stage::Run | Stage::Reproduce => &[Stage::Fmu],
+            Stage::Fmpy
+            | Stage::Masters
+            | Stage::Grids
+            | Stage::Federation
+            | Stage::Run
+            | Stage::Reproduce => &[Stage::Fmu],
             Stage::Browser => &[Stage::Fmu, Stage::Run],
             _ => &[],
         }
@@ -139,6 +148,7 @@ impl Stage {
                 start(test.env("BESS_COFMUPY_PYTHON", cofmupy).args(pytest))
             }
             Stage::Grids => start(python::tests(workspace, "grids", "grids")?.args(pytest)),
+            Stage::Federation => start(python::tests(workspace, "federation", "federation")?.args(pytest)),
             Stage::Run => CASES
                 .iter()
                 .try_for_each(|case| scenario::run(workspace, Path::new(case), &[]))

@@ -51,6 +51,12 @@ impl Ended {
         }
     }
 
+    /// What no participant's call can be blamed for.
+    pub fn other(reason: &str, time_s: Option<f64>) -> Self {
+        let (variant, participant, call, log) = (None, None, None, Vec::new());
+        Self { variant, participant, call, time_s, how: "other", reason: reason.to_owned(), log }
+    }
+
     /// One line for the head of the report.
     pub fn status(&self) -> Status {
         let who = self.participant.as_deref().unwrap_or("the run");

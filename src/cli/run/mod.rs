@@ -10,6 +10,7 @@ mod results;
 mod sections;
 
 pub use isolate::{WORKER, WorkerArgs, work};
+pub use record::{bar, identity, replay};
 
 use super::{Failure, ScenarioArgs, duration, print, results_folder};
 use crate::control::partition::Cut;
@@ -162,6 +163,23 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     print(&console::table(&results, &folder, !args.no_report))
 }
 
+/// What a run leaves that others have made: summary, report and table; `early` says what ended it before its time.
+pub fn conclude(
+    resolved: &Resolved,
+    main: &Record,
+    folder: &Path,
+    early: Option<&str>,
+    (report, quiet): (bool, bool),
+) -> Result<(), Failure> {
+    let time_s = main.time_s().last().copied();
+    let results = Results::new(resolved, main, &[], early.map(|reason| Ended::other(reason, time_s)))?;
+    results.write_summary(&folder.join("summary.json"))?;
+    if report {
+        write(&results.report(resolved, main, &[])?, folder)?;
+    }
+    if quiet { Ok(()) } else { print(&console::table(&results, folder, report)) }
+}
+
 /// A run that ended before anything was recorded: a report only if a participant failed of its own.
 fn stillborn(args: &RunArgs, resolved: &Resolved, folder: &Path, error: HarnessError) -> Failure {
     let failure = failed(&error);
@@ -257,7 +275,7 @@ const LONG_STEP_S: f64 = 1.0;
 
 /// A run that could not start because of what the user gave ends with code 2, one that broke with code 1, one whose FMU
 /// took its own process down with code 3.
-fn failed(error: &HarnessError) -> Failure {
+pub fn failed(error: &HarnessError) -> Failure {
     let code = match error {
         HarnessError::Run { source, .. } | HarnessError::Call { source, .. }
             if source.trouble != Trouble::Refused =>

@@ -3,8 +3,8 @@
 use crate::harness::checkpoint::Identity;
 use crate::harness::scenario::{CONTROLLER, GRID};
 use crate::harness::{
-    Cast, Checkpoint, Column, FanOut, HarnessError, Isolation, Keeping, Memory, Observer, Outcome,
-    Participant, Plan, Progress, Recorder, run_from, stage_isolated,
+    Cast, Checkpoint, Column, Experiment, FanOut, HarnessError, Isolation, Keeping, Memory, Observer,
+    Outcome, Participant, Plan, Progress, Recorder, Sample, run_from, stage_isolated,
 };
 use crate::report::{Columns, ReportError};
 use crate::scenario::Resolved;
@@ -69,12 +69,7 @@ impl Kept {
 /// Runs a scenario. An error in the middle leaves a record of what there is.
 pub fn record(resolved: &Resolved, cast: &Cast, how: &How<'_>) -> Result<Record, HarnessError> {
     let (mut participants, plan) = stage_isolated(resolved, cast, how.isolation)?;
-    let sources: Vec<String> = plan.connections.iter().map(|c| c.from.to_string()).collect();
-    let keep = move |column: &Column| {
-        sources.contains(&column.label())
-            || (column.participant == CONTROLLER && SHOWN.contains(&quantity(&column.variable)))
-    };
-    let memory = Memory::new(1, keep);
+    let memory = Memory::new(1, shown(&plan));
     let every = u64::from(resolved.scenario.record_every);
     let (mut kept, checkpoint) = match how.folder {
         Some(folder) if how.resume || how.checkpoint_ns.is_some() => {
@@ -106,24 +101,71 @@ pub fn record(resolved: &Resolved, cast: &Cast, how: &How<'_>) -> Result<Record,
         }
         result => result.err(),
     };
-    let memory = kept.memory();
-    let time_s = memory.times_ns().iter().map(|t| *t as f64 * 1e-9).collect();
-    let mut named = measured(&plan, memory, resolved.control.agents());
-    for column in memory.columns().iter().filter(|c| c.participant == CONTROLLER) {
-        let values = memory.values(CONTROLLER, &column.variable).unwrap_or_default();
-        named.push((column.label(), values.to_vec()));
+    Ok(Record::new(resolved, plan, outcome, ended, kept))
+}
+
+/// The record of a run that others have made: these rows go through the recorders as if it were run again.
+pub fn replay(
+    resolved: &Resolved,
+    plan: Plan,
+    experiment: &Experiment,
+    rows: impl Iterator<Item = (i64, Vec<f64>)>,
+    (folder, took): (&Path, Duration),
+) -> Result<Record, HarnessError> {
+    let memory = Memory::new(1, shown(&plan));
+    let recorder = Recorder::new(folder, u64::from(resolved.scenario.record_every));
+    let mut kept = Kept::Plain(memory, Some(Box::new(recorder)));
+    let mut span_ns = (plan.start_ns, plan.start_ns);
+    let mut observers = FanOut(kept.observers());
+    observers.begin(experiment)?;
+    let mut steps = 0;
+    for (t_ns, values) in rows {
+        let since_ns = t_ns - plan.start_ns;
+        let regular = (since_ns % plan.step_ns == 0).then(|| (since_ns / plan.step_ns) as u64);
+        observers.sample(Sample { t_ns, regular, last: t_ns >= plan.stop_ns, values: &values })?;
+        span_ns.1 = t_ns;
+        steps += 1;
     }
-    Ok(Record { outcome, ended, plan, kept, time_s, named })
+    observers.finish(None)?;
+    drop(observers);
+    let outcome = Outcome { steps, span_ns, total: took, is_settled: true, ..Outcome::default() };
+    Ok(Record::new(resolved, plan, outcome, None, kept))
+}
+
+/// What is kept for the report.
+fn shown(plan: &Plan) -> impl Fn(&Column) -> bool + 'static {
+    let sources: Vec<String> = plan.connections.iter().map(|c| c.from.to_string()).collect();
+    move |column: &Column| {
+        sources.contains(&column.label())
+            || (column.participant == CONTROLLER && SHOWN.contains(&quantity(&column.variable)))
+    }
 }
 
 /// What a checkpoint of this run belongs to.
-fn identity(resolved: &Resolved, participants: &[Box<dyn Participant>]) -> Identity {
+pub fn identity(resolved: &Resolved, participants: &[Box<dyn Participant>]) -> Identity {
     let scenario = serde_json::to_string(&resolved.scenario).unwrap_or_default();
     let configuration = format!("{:?} {:?} {:?}", resolved.control, resolved.grid, resolved.wires);
     Identity::new(scenario, &configuration, participants)
 }
 
 impl Record {
+    fn new(
+        resolved: &Resolved,
+        plan: Plan,
+        outcome: Outcome,
+        ended: Option<HarnessError>,
+        kept: Kept,
+    ) -> Self {
+        let memory = kept.memory();
+        let time_s = memory.times_ns().iter().map(|t| *t as f64 * 1e-9).collect();
+        let mut named = measured(&plan, memory, resolved.control.agents());
+        for column in memory.columns().iter().filter(|c| c.participant == CONTROLLER) {
+            let values = memory.values(CONTROLLER, &column.variable).unwrap_or_default();
+            named.push((column.label(), values.to_vec()));
+        }
+        Self { outcome, ended, plan, kept, time_s, named }
+    }
+
     /// What was recorded, by name. What the agents measure is there as `grid.P[i]`, ... in the
     /// controller's units, whatever the grid calls it.
     pub fn columns(&self) -> Result<Columns<'_>, ReportError> {
@@ -188,7 +230,7 @@ fn quantity(variable: &str) -> &str {
 }
 
 /// A bar on a terminal, nothing when piped or asked to be quiet.
-fn bar(quiet: bool) -> ProgressBar {
+pub fn bar(quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();
     }

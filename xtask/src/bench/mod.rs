@@ -8,6 +8,7 @@ mod controller;
 mod drive;
 mod dynamics;
 mod export;
+mod federation;
 mod fmu;
 mod instructions;
 mod peers;
@@ -35,6 +36,8 @@ pub enum Family {
     PowerFlow,
     /// A grid of 9241 buses with 1,445 BESS against real time
     Dynamics,
+    /// Federations of 2 to 16 over HELICS, against bare rings of the same size
+    Federation,
     /// Instruction counts of the hot loops, by valgrind
     Instructions,
 }
@@ -48,6 +51,7 @@ impl Family {
             Family::Export => export::rows(workspace, runs),
             Family::PowerFlow => power_flow::rows(workspace, runs),
             Family::Dynamics => dynamics::rows(workspace, runs),
+            Family::Federation => federation::rows(workspace, runs),
             Family::Instructions => instructions::rows(workspace),
         }
     }

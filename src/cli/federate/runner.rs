@@ -1,0 +1,324 @@
+//! Starts broker and federates, watches over them until the end, and puts together what they leave. A federate that dies
+//! is taken out of the federation, so that the others go on; a broker that dies takes all of them with it.
+
+use super::super::Failure;
+use super::children::{Line, Said, Started};
+use super::merge::Remains;
+use super::{Core, FederateArgs, broker, failed, helics_cli, member, merge};
+use crate::federation::{Federation, FederationError, Helics};
+use crate::harness::scenario::GRID;
+use crate::scenario::Resolved;
+use clap::ValueEnum;
+use indicatif::ProgressBar;
+use miette::{IntoDiagnostic, WrapErr};
+use std::net::TcpListener;
+use std::path::Path;
+use std::process::{Command, ExitStatus};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::{Duration, Instant};
+
+/// How long a broker may take until federates may come.
+const BROKER_START: Duration = Duration::from_secs(20);
+/// How long an orderly end may take.
+const LAST_WORDS: Duration = Duration::from_secs(20);
+/// How long taking a dead federate out may take.
+const FUNERAL: Duration = Duration::from_secs(30);
+
+/// Runs the whole federation, or all of it that is not left to others.
+pub fn run(args: &FederateArgs, resolved: &Resolved, federation: &Federation) -> Result<(), Failure> {
+    let mut names = federation.names();
+    for name in &args.without {
+        federation.share(name).map_err(failed)?;
+        names.retain(|known| known != name);
+    }
+    // A missing library is told once, by this process.
+    let helics = args.helics()?;
+    let folder = args.folder(resolved);
+    std::fs::create_dir_all(&folder).into_diagnostic().wrap_err_with(|| folder.display().to_string())?;
+    write_runner_file(args, resolved, &names, &folder)?;
+    let begun = Instant::now();
+    let (said, listener) = channel();
+    let mut watched = Watched {
+        args,
+        helics: &helics,
+        children: Vec::new(),
+        broker: None,
+        said,
+        bar: super::super::run::bar(args.quiet),
+        stepping_s: 0.0,
+    };
+    let broker_name = watched.start_broker(names.len() + args.without.len(), &listener)?;
+    if !args.without.is_empty() {
+        eprintln!("waiting for {} at {broker_name}", args.without.join(", "));
+    }
+    for name in &names {
+        let words = args.member(name, &broker_name, &folder);
+        let child = watched.spawn(name, &words, watched.children.len())?;
+        watched.children.push(child);
+    }
+    let ended = watched.watch(&listener, &broker_name, &folder);
+    watched.bar.finish_and_clear();
+    // The broker has nothing to do any more; who is left is ended here.
+    drop(watched);
+    let ended = ended?;
+    let took =
+        if ended.stepping_s > 0.0 { Duration::from_secs_f64(ended.stepping_s) } else { begun.elapsed() };
+    let remains = Remains { folder: &folder, names: &names, took };
+    merge::conclude(args, resolved, federation, &remains, &ended)
+}
+
+/// What became of the federates.
+#[derive(Debug, Default)]
+pub struct Ended {
+    /// Those that died, and how.
+    pub died: Vec<(String, String)>,
+    /// What ended all of it too early.
+    pub broken: Option<String>,
+    /// Wall time of the slowest federate's run, s; without the time in which processes started and found each other.
+    pub stepping_s: f64,
+}
+
+struct Watched<'a> {
+    args: &'a FederateArgs,
+    helics: &'a Helics,
+    children: Vec<Started>,
+    broker: Option<Started>,
+    said: Sender<Said>,
+    bar: ProgressBar,
+    stepping_s: f64,
+}
+
+impl Watched<'_> {
+    fn spawn(&self, name: &str, words: &[String], number: usize) -> Result<Started, Failure> {
+        let program = std::env::current_exe().into_diagnostic()?;
+        let mut command = Command::new(program);
+        command.args(words).args(["--helics".as_ref(), self.helics.path().as_os_str()]);
+        if words.first().is_some_and(|word| word != broker::BROKER) {
+            command.arg("--child");
+        }
+        let started = Started::new(name, number, &mut command, &self.said);
+        let what = format!("the process of {name} cannot be started");
+        started.map_err(|source| failed(FederationError::Process { what, source }))
+    }
+
+    /// Starts a broker, unless there is one; its name for federates.
+    fn start_broker(&mut self, federates: usize, listener: &Receiver<Said>) -> Result<String, Failure> {
+        let args = self.args;
+        if args.broker.is_some() {
+            return Ok(args.broker_name(args.address().port));
+        }
+        let port = match args.port {
+            Some(port) => port,
+            None => {
+                free_port(&args.listen, args.core).into_diagnostic().wrap_err_with(|| args.listen.clone())?
+            }
+        };
+        let name = args.broker_name(port);
+        let place = match args.core {
+            Core::Ipc => format!(" --local_interface={name}"),
+            _ => format!(" --port={port} --local_interface={}", args.listen),
+        };
+        let options = format!("-f{federates} --dynamic --loglevel=error{place}");
+        let words = [broker::BROKER, args.core.name(), &name, &options].map(str::to_owned);
+        self.broker = Some(self.spawn("broker", &words, usize::MAX)?);
+        let until = Instant::now() + BROKER_START;
+        let mut complaints = Vec::new();
+        while Instant::now() < until {
+            match listener.recv_timeout(Duration::from_millis(50)) {
+                Ok(Said { line: Line::Out(line), .. }) if line.starts_with(broker::READY) => return Ok(name),
+                Ok(Said { line: Line::Out(line) | Line::Error(line), .. }) => complaints.push(line),
+                Err(_) if self.broker.as_mut().is_some_and(|broker| broker.ended().is_some()) => break,
+                Err(_) => {}
+            }
+        }
+        let complaints = complaints.join("\n");
+        Err(miette::miette!(
+            help = "another port: --port",
+            "the broker did not start ({options})\n{complaints}"
+        )
+        .into())
+    }
+
+    /// Until all federates have ended.
+    fn watch(
+        &mut self,
+        listener: &Receiver<Said>,
+        broker_name: &str,
+        folder: &Path,
+    ) -> Result<Ended, Failure> {
+        let mut ended = Ended::default();
+        let mut known: Vec<bool> = vec![false; self.children.len()];
+        let mut last_call: Option<Instant> = None;
+        loop {
+            match listener.recv_timeout(Duration::from_millis(20)) {
+                Ok(said) => {
+                    self.show(said);
+                    continue;
+                }
+                Err(RecvTimeoutError::Disconnected) => break,
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            for k in 0..self.children.len() {
+                let Some(child) = self.children.get_mut(k) else { continue };
+                let (Some(status), Some(false)) = (child.ended(), known.get(k)) else { continue };
+                known[k] = true;
+                let name = child.name.clone();
+                if status.success() {
+                    continue;
+                }
+                ended.died.push((name.clone(), how(status)));
+                // Who ended by itself has left the federation properly.
+                if status.code().is_some() || last_call.is_some() {
+                    continue;
+                }
+                if name == GRID {
+                    self.stop_all(&format!("{GRID} has died ({})", how(status)));
+                    last_call = Some(Instant::now());
+                    ended.broken = Some(format!("{GRID} has died ({})", how(status)));
+                    continue;
+                }
+                self.bar.suspend(|| {
+                    let words = self.args.member(&name, broker_name, folder);
+                    let command: Vec<String> = words.iter().map(|word| helics_cli::quoted(word)).collect();
+                    eprintln!(
+                        "{name} has died ({}); the others go on. To bring it back: bess {} --resume",
+                        how(status),
+                        command.join(" ")
+                    );
+                });
+                self.bury(&name, broker_name, folder)?;
+            }
+            if known.iter().all(|known| *known) {
+                break;
+            }
+            let is_gone = |broker: &mut Started| broker.ended().is_some_and(|status| !status.success());
+            if last_call.is_none() && self.broker.as_mut().is_some_and(is_gone) {
+                let status = self.broker.as_mut().and_then(Started::ended).map_or_else(String::new, how);
+                let reason = format!("the broker has died ({status})");
+                self.stop_all(&reason);
+                ended.broken = Some(reason);
+                last_call = Some(Instant::now());
+            }
+            if last_call.is_some_and(|since| since.elapsed() > LAST_WORDS) {
+                break;
+            }
+        }
+        while let Ok(said) = listener.try_recv() {
+            self.show(said);
+        }
+        ended.stepping_s = self.stepping_s;
+        Ok(ended)
+    }
+
+    fn stop_all(&mut self, reason: &str) {
+        self.children.iter_mut().for_each(|child| child.stop(reason));
+    }
+
+    /// Takes a dead federate out, in a process of its own: HELICS may do what it likes there.
+    fn bury(&self, name: &str, broker_name: &str, folder: &Path) -> Result<(), Failure> {
+        let mut words = self.args.member(name, broker_name, folder);
+        words.push("--bury".into());
+        let mut child = self.spawn(name, &words, usize::MAX)?;
+        if !child.end(FUNERAL).is_some_and(|status| status.success()) {
+            eprintln!("{name} could not be taken out of the federation: the others may wait for it for ever");
+        }
+        Ok(())
+    }
+
+    fn show(&mut self, Said { child, line }: Said) {
+        let name = self.children.get(child).map_or("broker", |child| child.name.as_str());
+        match line {
+            Line::Out(line) => {
+                let mut words = line.split(' ');
+                let first = words.next();
+                let mut number = || words.next().and_then(|word| word.parse::<f64>().ok());
+                if first == Some(member::TOOK) {
+                    self.stepping_s = self.stepping_s.max(number().unwrap_or(0.0));
+                } else if let (true, Some(t_s), Some(share)) =
+                    (first == Some(member::PROGRESS), number(), number())
+                {
+                    let position = (share * 1000.0) as u64;
+                    if position >= self.bar.position() {
+                        self.bar.set_position(position);
+                        self.bar.set_message(format!("{t_s:.0} s"));
+                    }
+                }
+            }
+            Line::Error(line) => self.bar.suspend(|| eprintln!("{name}: {line}")),
+        }
+    }
+}
+
+impl FederateArgs {
+    /// The broker as `--broker` takes it.
+    pub(super) fn broker_name(&self, port: u16) -> String {
+        match (&self.broker, self.core) {
+            (Some((host, _)), Core::Ipc) => host.clone(),
+            (None, Core::Ipc) => format!("bess{}", std::process::id()),
+            (Some((host, given)), _) => format!("{host}:{}", given.unwrap_or(port)),
+            (None, _) => format!("{}:{port}", self.listen),
+        }
+    }
+
+    /// The command line of one federate.
+    pub(super) fn member(&self, name: &str, broker_name: &str, folder: &Path) -> Vec<String> {
+        let mut words = vec!["federate".to_owned(), self.scenario.scenario.clone()];
+        let mut option = |name: &str, value: String| words.extend([name.to_owned(), value]);
+        for (path, value) in &self.scenario.set {
+            option("--set", format!("{path}={value}"));
+        }
+        option("--federate", name.to_owned());
+        option("--broker", broker_name.to_owned());
+        option("--core", self.core.name().to_owned());
+        option("-o", folder.join(name).display().to_string());
+        for (key, fmu) in [("--controller", &self.controller), ("--grid", &self.grid)] {
+            if let Some(fmu) = fmu {
+                option(key, fmu.display().to_string());
+            }
+        }
+        option("--wait", format!("{}s", self.wait as f64 / 1e9));
+        if let Some(every_ns) = self.checkpoint {
+            option("--checkpoint", format!("{}s", every_ns as f64 / 1e9));
+        }
+        for (option, value) in
+            [("--publish", self.publish.to_possible_value()), ("--parts", self.parts.to_possible_value())]
+        {
+            words.extend(value.map(|value| format!("{option}={}", value.get_name())));
+        }
+        words
+    }
+}
+
+fn how(status: ExitStatus) -> String {
+    #[cfg(unix)]
+    if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {
+        return format!("signal {signal}");
+    }
+    status.to_string()
+}
+
+/// A port that nobody has, with the next one free too where the core wants two.
+fn free_port(listen: &str, core: Core) -> std::io::Result<u16> {
+    if core == Core::Ipc {
+        return Ok(0);
+    }
+    for _ in 0..100 {
+        let port = TcpListener::bind((listen, 0))?.local_addr()?.port();
+        if port < u16::MAX && TcpListener::bind((listen, port + 1)).is_ok() {
+            return Ok(port);
+        }
+    }
+    Err(std::io::Error::other("no two free ports next to each other"))
+}
+
+fn write_runner_file(
+    args: &FederateArgs,
+    resolved: &Resolved,
+    names: &[String],
+    folder: &Path,
+) -> Result<(), Failure> {
+    let document = helics_cli::document(args, &resolved.scenario.name, names, folder);
+    let path = folder.join(helics_cli::FILE);
+    let text = serde_json::to_string_pretty(&document).into_diagnostic()? + "\n";
+    Ok(std::fs::write(&path, text).into_diagnostic().wrap_err_with(|| path.display().to_string())?)
+}
