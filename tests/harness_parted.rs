@@ -99,6 +99,35 @@ fn plug_and_play_in_parts_ends_where_the_whole_controller_ends() {
     }
 }
 
+/// Importers keep what they have unpacked by its GUID: equal batteries must not be taken for each other.
+#[test]
+fn equal_batteries_have_guids_of_their_own() {
+    use bess_consensus::control::Config;
+    use bess_consensus::control::communication::{ExplicitEdge, ExplicitPin, ExplicitTopology};
+    use bess_consensus::fmi::{Instance, Interface, Logger};
+    use bess_consensus::models::fleet::Fleet;
+    use bess_consensus::models::{Controller, Resource};
+    let edge = |a: u32, b: u32| ExplicitEdge { a, b, weight: 1.0, delay_s: None };
+    let topologies = vec![ExplicitTopology {
+        name: "ring".into(),
+        edges: vec![edge(1, 2), edge(2, 3), edge(3, 4), edge(4, 1)],
+        pins: (1..=4).map(|agent| ExplicitPin { agent, weight: 1.0 }).collect(),
+        clusters: None,
+        leaders: None,
+    }];
+    let config = Config::unit(4, Communication::Explicit(Explicit { topologies }));
+    let fleet = Fleet::of(&Resource { stop_s: 1.0, step_s: 0.01, config }, Cut::Agents).unwrap();
+    let guid = |resource: &Resource<Config>| {
+        let model = Controller::new(resource.clone()).unwrap();
+        Instance::from_model("x", model, Interface::Structured, Logger::silent()).unwrap().guid().to_string()
+    };
+    let mut guids: Vec<String> = fleet.parts.iter().map(|part| guid(&part.resource)).collect();
+    assert_eq!(guids[0], guid(&fleet.parts[0].resource));
+    guids.sort();
+    guids.dedup();
+    assert_eq!(guids.len(), 4);
+}
+
 /// A run of parts that goes on from a checkpoint is the run that was never interrupted.
 #[test]
 fn parts_are_kept_and_brought_back_as_one() {

@@ -14,13 +14,17 @@ const INTERFACE_VERSION: u32 = 1;
 pub struct Guid(pub [u8; 16]);
 
 impl Guid {
-    /// Hash of identifier, interface version and each variable's name, type, causality, variability,
+    /// Hash of identifier, interface version, what tells the model from its like, and each variable's name, type, causality, variability,
     /// unit, range and start value. `model` is freshly loaded.
     pub fn of<M: Model>(registry: &Registry<M>, model: &M) -> Self {
         let mut hash = Fnv128::default();
         hash.text(M::IDENTIFIER);
         hash.bytes(&INTERFACE_VERSION.to_le_bytes());
         hash.bytes(&[u8::from(registry.interface == Interface::Portable)]);
+        let distinction = model.distinction();
+        if !distinction.is_empty() {
+            hash.text(&distinction);
+        }
         for (_, group) in registry.groups() {
             hash.text(group.name);
             hash.bytes(&[

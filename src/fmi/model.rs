@@ -33,6 +33,12 @@ pub trait Model: Clone + Send + 'static {
     /// All variables, in order; the same list for the whole life of the model.
     fn variables(&self) -> Vec<Group<Self>>;
 
+    /// What tells it from another model with the same variables; part of the GUID, because importers keep what they
+    /// have unpacked by that. Empty where nothing does.
+    fn distinction(&self) -> String {
+        String::new()
+    }
+
     /// The present state.
     fn state(&self) -> &Self::State;
 

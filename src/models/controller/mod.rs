@@ -170,6 +170,13 @@ impl Model for Controller {
         }
     }
 
+    fn distinction(&self) -> String {
+        // Two equal batteries are not the same one.
+        let of =
+            |part: &control::part::Part| format!("part {} of {}: {:?}", part.number, part.parts, part.agents);
+        self.planes.values.part().map_or_else(String::new, of)
+    }
+
     fn state(&self) -> &control::State {
         self.planes.values.state()
     }
