@@ -11,7 +11,8 @@ use std::time::Instant;
 const USAGE: &str = "Usage: federation ring FEDERATES STEPS VALUES CORE TURNS
   FEDERATES processes in a ring; in each of STEPS steps each tells the next VALUES numbers and asks for the next time.
   CORE is zmq, tcp or ipc. TURNS is 1 where all have the same times, 2 where all but the first come a nanosecond later,
-  as controllers come after the grid. The library is that of $BESS_HELICS, or of python3's package helics.";
+  as controllers come after the grid, and 3 where moreover all hear each other as grid and controllers do: the first and
+  each of the others both ways, the others in a ring both ways. The library is that of $BESS_HELICS, or of python3's package helics.";
 
 /// A communication step, ns.
 const STEP_NS: i64 = 10_000_000;
@@ -114,25 +115,30 @@ impl Ring {
             options: "--loglevel=error".to_owned(),
         };
         let name = |k: usize| format!("member{}", k % self.federates);
-        let topic = |from: usize| Topic {
-            from: name(from),
-            to: name(from + 1),
-            publication: format!("{}/all", name(from)),
-            input: format!("{}/from/{}", name(from + 1), name(from)),
+        let ways = self.ways();
+        let told_to = |from: usize| ways.iter().filter(|(of, _)| *of == from).count().max(1);
+        let topic = |(from, to): &(usize, usize)| Topic {
+            from: name(*from),
+            to: name(*to),
+            publication: format!("{}/{}/all", name(*from), name(*to)),
+            input: format!("{}/from/{}", name(*to), name(*from)),
             unit: String::new(),
-            variables: (0..self.values).map(|k| format!("x[{k}]")).collect(),
+            // As many numbers a federate in all, however many it tells them.
+            variables: (0..self.values.div_ceil(told_to(*from))).map(|k| format!("x[{k}]")).collect(),
             is_double: false,
         };
-        let topics = [topic(place), topic(place + self.federates - 1)];
+        let own = ways.iter().filter(|(from, to)| *from == place || *to == place);
+        let topics: Vec<Topic> = own.map(topic).collect();
         let share = Share::of(&name(place), &topics);
         let run = || -> Result<f64, bess_consensus::federation::FederationError> {
             let mut session = Session::connect(&helics, &name(place), &address, &share)?;
-            let mut heard = vec![0.0; self.values];
-            let told = vec![1.0; self.values];
+            let heard_count = share.heard.iter().map(|topic| topic.variables.len()).sum();
+            let mut heard = vec![0.0; heard_count];
+            let told = vec![1.0; share.told_variables.len()];
             let mut flags = vec![false; session.senders().len()];
             session.enter_initializing()?;
             session.enter_executing()?;
-            let offset_ns = if self.turns == 2 && place > 0 { LATER_NS } else { 0 };
+            let offset_ns = if self.turns >= 2 && place > 0 { LATER_NS } else { 0 };
             let begun = Instant::now();
             for k in 1..=self.steps {
                 session.publish(&told)?;
@@ -147,6 +153,24 @@ impl Ring {
         println!("{took_s}");
         // An ordinary end of the process may wait for a broker that is gone.
         helics.end_process(0)
+    }
+
+    /// Who tells whom.
+    fn ways(&self) -> Vec<(usize, usize)> {
+        let n = self.federates;
+        if self.turns < 3 {
+            return (0..n).map(|k| (k, (k + 1) % n)).collect();
+        }
+        let mut ways: Vec<(usize, usize)> = (1..n).flat_map(|k| [(0, k), (k, 0)]).collect();
+        for k in 1..n {
+            let next = k % (n - 1) + 1;
+            if next != k {
+                ways.extend([(k, next), (next, k)]);
+            }
+        }
+        ways.sort_unstable();
+        ways.dedup();
+        ways
     }
 
     /// A broker's place that nobody has.
