@@ -6,6 +6,8 @@ use libloading::Library;
 use std::ffi::{CStr, c_char, c_double, c_int, c_void};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::time::Duration;
 
 /// The version that this program was tried with; later ones of the same major version are taken too.
 pub const WANTED: &str = "3.6.1";
@@ -164,12 +166,30 @@ impl Helics {
         }
     }
 
-    /// Waits until the threads of HELICS have sent what they had to and are gone; nothing may be used afterwards.
-    pub fn close(&self) {
-        // SAFETY: takes nothing; sessions and brokers of this library have been dropped by whoever calls.
-        unsafe { (self.functions.close_library)() }
+    /// Ends this process. HELICS's threads are given a while to send what they have to, and no more: some wait for ever
+    /// for a broker that has ended sooner, and so would an ordinary end of the process, for them.
+    pub fn end_process(self: Arc<Self>, code: u8) -> ! {
+        let (closed, waiting) = std::sync::mpsc::channel();
+        let closing = std::thread::Builder::new().name("close".into()).spawn(move || {
+            // SAFETY: takes nothing; sessions and brokers have been dropped by whoever calls.
+            unsafe { (self.functions.close_library)() };
+            // Nobody may be waiting any more.
+            let _ = closed.send(());
+        });
+        if closing.is_ok() {
+            let _ = waiting.recv_timeout(LAST_WORDS);
+        }
+        // SAFETY: takes a number and does not come back; nothing of ours is left to be written.
+        unsafe { _exit(c_int::from(code)) }
     }
 }
+
+unsafe extern "C" {
+    fn _exit(code: c_int) -> !;
+}
+
+/// How long HELICS may take to say good-bye.
+const LAST_WORDS: Duration = Duration::from_secs(3);
 
 /// File names under which the system's loader may know it.
 const NAMES: &[&str] = if cfg!(target_os = "windows") {

@@ -1,5 +1,6 @@
 """`bess` as processes that are watched, beside the broker and library of the helics wheel of this environment."""
 
+import itertools
 import os
 import pathlib
 import signal
@@ -69,17 +70,24 @@ def bess(start):
     return run
 
 
+PORTS = itertools.count(os.getpid() % 100 * 64)
+
+
 def free_port():
-    """A port with the next one free too: zmq takes two."""
+    """A port with room behind it, which the federates take, below those that systems give to anybody."""
     while True:
-        with socket.socket() as probe, socket.socket() as other:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
-            try:
-                other.bind(("127.0.0.1", port + 1))
-                return port
-            except (OSError, OverflowError):
-                continue
+        first = 5000 + next(PORTS) * 64 % 6400
+        sockets = []
+        try:
+            for port in range(first, first + 32):
+                sockets.append(socket.socket())
+                sockets[-1].bind(("127.0.0.1", port))
+            return first
+        except OSError:
+            continue
+        finally:
+            for one in sockets:
+                one.close()
 
 
 def processes(folder):

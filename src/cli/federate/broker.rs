@@ -2,7 +2,7 @@
 
 use super::super::{Failure, print};
 use super::watch::Watch;
-use super::{Core, failed};
+use super::{Core, end, failed};
 use crate::federation::{Broker, Helics};
 use clap::Args;
 use miette::IntoDiagnostic;
@@ -34,8 +34,13 @@ pub struct BrokerArgs {
 /// Serves until all federates have left, or nobody is there who wants it.
 pub fn serve(args: &BrokerArgs) -> Result<(), Failure> {
     let helics = Helics::load(args.helics.as_deref()).map(Arc::new).map_err(failed)?;
-    let watch = Watch::start(&helics).into_diagnostic()?;
-    let broker = Broker::start(&helics, args.core.name(), &args.name, &args.options).map_err(failed)?;
+    let done = until_the_end(args, &helics);
+    end(helics, done)
+}
+
+fn until_the_end(args: &BrokerArgs, helics: &Arc<Helics>) -> Result<(), Failure> {
+    let watch = Watch::start(helics).into_diagnostic()?;
+    let broker = Broker::start(helics, args.core.name(), &args.name, &args.options).map_err(failed)?;
     if !broker.is_connected() {
         return Err(miette::miette!(
             help = "another port: --port; is another broker running there?",

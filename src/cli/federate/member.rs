@@ -3,10 +3,11 @@
 use super::super::{Failure, print, run::identity};
 use super::watch::Watch;
 use super::{FederateArgs, failed};
-use crate::federation::Federation;
+use crate::federation::{Federation, Helics};
 use crate::harness::{Checkpoint, FanOut, Keeping, Memory, Observer, Progress, Recorder, run_from};
 use crate::scenario::Resolved;
 use miette::IntoDiagnostic;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// What a child prints before the time it has reached, s, and its share of the run.
@@ -18,20 +19,17 @@ pub const TOOK: &str = "took";
 /// Runs it to the end of the scenario.
 pub fn run(
     args: &FederateArgs,
-    resolved: &Resolved,
-    federation: Federation,
+    helics: &Arc<Helics>,
+    (resolved, federation): (&Resolved, Federation),
     name: &str,
 ) -> Result<(), Failure> {
     let folder = args.folder(resolved);
     let address = args.address();
-    // A wrong name shall not wait for a library, nor a missing library for a broker.
-    federation.share(name).map_err(failed)?;
-    let helics = args.helics()?;
-    let watch = if args.child { Some(Watch::start(&helics).into_diagnostic()?) } else { None };
+    let watch = if args.child { Some(Watch::start(helics).into_diagnostic()?) } else { None };
     if args.resume {
-        federation.bury(&helics, name, &address).map_err(failed)?;
+        federation.bury(helics, name, &address).map_err(failed)?;
     }
-    let (mut participants, plan) = federation.join(&helics, name, &address, args.resume).map_err(failed)?;
+    let (mut participants, plan) = federation.join(helics, name, &address, args.resume).map_err(failed)?;
 
     let identity = identity(resolved, &participants);
     // Nothing is shown here: the samples are for a checkpoint alone.
@@ -89,9 +87,13 @@ fn ended(name: &str, end_s: f64, reason: &str, folder: &std::path::Path) -> Fail
 }
 
 /// Leaves in the name of a federate that has died.
-pub fn bury(args: &FederateArgs, federation: Federation, name: &str) -> Result<(), Failure> {
-    let helics = args.helics()?;
-    let _watch = if args.child { Some(Watch::start(&helics).into_diagnostic()?) } else { None };
-    federation.bury(&helics, name, &args.address()).map_err(failed)?;
+pub fn bury(
+    args: &FederateArgs,
+    helics: &Arc<Helics>,
+    federation: Federation,
+    name: &str,
+) -> Result<(), Failure> {
+    let _watch = if args.child { Some(Watch::start(helics).into_diagnostic()?) } else { None };
+    federation.bury(helics, name, &args.address()).map_err(failed)?;
     Ok(())
 }

@@ -160,11 +160,27 @@ pub fn federate(args: &FederateArgs) -> Result<(), Failure> {
     if args.topics {
         return super::print(&topics_table(&federation));
     }
-    match &args.federate {
-        Some(name) if args.bury => member::bury(args, federation, name),
-        Some(name) => member::run(args, &resolved, federation, name),
-        None => runner::run(args, &resolved, &federation),
-    }
+    let Some(name) = &args.federate else { return runner::run(args, &resolved, &federation) };
+    // A wrong name shall not wait for a library, nor a missing library for a broker.
+    federation.share(name).map_err(failed)?;
+    let helics = args.helics()?;
+    let done = match args.bury {
+        true => member::bury(args, &helics, federation, name),
+        false => member::run(args, &helics, (&resolved, federation), name),
+    };
+    end(helics, done)
+}
+
+/// Says how it went and ends the process, whatever HELICS still waits for.
+fn end(helics: Arc<Helics>, done: Result<(), Failure>) -> ! {
+    let code = match done {
+        Ok(()) => 0,
+        Err(Failure { report, code }) => {
+            eprintln!("{report:?}");
+            code
+        }
+    };
+    helics.end_process(code)
 }
 
 impl FederateArgs {

@@ -46,6 +46,7 @@ pub fn run(args: &FederateArgs, resolved: &Resolved, federation: &Federation) ->
         said,
         bar: super::super::run::bar(args.quiet),
         stepping_s: 0.0,
+        has_begun: vec![false; names.len()],
     };
     let broker_name = watched.start_broker(names.len() + args.without.len(), &listener)?;
     if !args.without.is_empty() {
@@ -86,6 +87,8 @@ struct Watched<'a> {
     said: Sender<Said>,
     bar: ProgressBar,
     stepping_s: f64,
+    /// Of each child, whether it has told of any progress.
+    has_begun: Vec<bool>,
 }
 
 impl Watched<'_> {
@@ -109,9 +112,9 @@ impl Watched<'_> {
         }
         let port = match args.port {
             Some(port) => port,
-            None => {
-                free_port(&args.listen, args.core).into_diagnostic().wrap_err_with(|| args.listen.clone())?
-            }
+            None => free_port(&args.listen, args.core, federates)
+                .into_diagnostic()
+                .wrap_err_with(|| args.listen.clone())?,
         };
         let name = args.broker_name(port);
         let place = match args.core {
@@ -167,6 +170,14 @@ impl Watched<'_> {
                     continue;
                 }
                 ended.died.push((name.clone(), how(status)));
+                // Who was never there cannot be taken out: the others would wait for it before the start.
+                if self.has_begun.get(k) != Some(&true) && last_call.is_none() {
+                    let reason = format!("{name} did not get as far as the start ({})", how(status));
+                    self.stop_all(&reason);
+                    last_call = Some(Instant::now());
+                    ended.broken = Some(reason);
+                    continue;
+                }
                 // Who ended by itself has left the federation properly.
                 if status.code().is_some() || last_call.is_some() {
                     continue;
@@ -237,6 +248,9 @@ impl Watched<'_> {
                 } else if let (true, Some(t_s), Some(share)) =
                     (first == Some(member::PROGRESS), number(), number())
                 {
+                    if let Some(has_begun) = self.has_begun.get_mut(child) {
+                        *has_begun = true;
+                    }
                     let position = (share * 1000.0) as u64;
                     if position >= self.bar.position() {
                         self.bar.set_position(position);
@@ -297,18 +311,26 @@ fn how(status: ExitStatus) -> String {
     status.to_string()
 }
 
-/// A port that nobody has, with the next one free too where the core wants two.
-fn free_port(listen: &str, core: Core) -> std::io::Result<u16> {
+/// A port with room behind it: zmq wants two for the broker, and every federate takes two from there on. Below the ports
+/// that systems give to anybody who asks, so that nobody comes in between.
+fn free_port(listen: &str, core: Core, federates: usize) -> std::io::Result<u16> {
+    const FIRST: u32 = 12_000;
+    const STARTS: u32 = 256;
+    const SPACE: u32 = 64;
     if core == Core::Ipc {
         return Ok(0);
     }
-    for _ in 0..100 {
-        let port = TcpListener::bind((listen, 0))?.local_addr()?.port();
-        if port < u16::MAX && TcpListener::bind((listen, port + 1)).is_ok() {
-            return Ok(port);
+    let wanted = 4 + 2 * federates as u32;
+    let is_free = |port: u32| u16::try_from(port).is_ok_and(|port| TcpListener::bind((listen, port)).is_ok());
+    // A wrong address is told as such.
+    TcpListener::bind((listen, 0))?;
+    for k in 0..STARTS {
+        let first = FIRST + (std::process::id() + k) % STARTS * SPACE;
+        if (first..first + wanted).all(is_free) {
+            return Ok(first as u16);
         }
     }
-    Err(std::io::Error::other("no two free ports next to each other"))
+    Err(std::io::Error::other("no free ports next to each other from 12000 on; name one with --port"))
 }
 
 fn write_runner_file(

@@ -32,6 +32,7 @@ pub fn rows(workspace: &Workspace, runs: u32) -> Result<Vec<Row>, Failure> {
     let folder = workspace.target.join("bench/federation");
     std::fs::create_dir_all(&folder).map_err(Failure::file("make", &folder))?;
     let mut rows = Vec::new();
+    let mut steps_s: Vec<(usize, &str, f64)> = Vec::new();
     for size in SIZES {
         let file = folder.join(format!("f{size}.json"));
         let text = scenario(size - 1).to_string();
@@ -41,7 +42,10 @@ pub fn rows(workspace: &Workspace, runs: u32) -> Result<Vec<Row>, Failure> {
             let measured = federation(workspace, &ring, (package.trim(), core, size), (&file, &folder), runs)
                 .map_err(|failure| failure.to_string());
             match (measured, &one) {
-                (Ok(measured), Ok(one)) => rows.extend(measured.rows(core, size, *one)),
+                (Ok(measured), Ok(one)) => {
+                    steps_s.push((size, core, 1.0 / measured.packed));
+                    rows.extend(measured.rows(core, size, *one));
+                }
                 (measured, one) => {
                     let why = measured.err().or(one.as_ref().err().cloned()).unwrap_or_default();
                     let name = format!("federation, {size} federates, {core}, against the bare ring");
@@ -50,7 +54,48 @@ pub fn rows(workspace: &Workspace, runs: u32) -> Result<Vec<Row>, Failure> {
             }
         }
     }
+    rows.extend(CORES.iter().filter_map(|core| model_row(core, &steps_s)));
     Ok(rows)
+}
+
+/// Messages of one step, packed: two publications between the grid and each part, two over each link between parts, and
+/// a request and a grant of time for each that depends on another.
+fn messages(federates: usize) -> f64 {
+    let parts = federates as f64 - 1.0;
+    let links = if federates > 2 { parts } else { 0.0 };
+    2.0 * parts + 2.0 * links + 2.0 * (2.0 * parts + 2.0 * links)
+}
+
+/// How far the model of docs/distributed.md, a step takes A + S messages, is from what was measured; A and S fitted.
+fn model_row(core: &str, steps_s: &[(usize, &str, f64)]) -> Option<Row> {
+    let points: Vec<(f64, f64)> =
+        steps_s.iter().filter(|(_, of, _)| *of == core).map(|(size, _, t)| (messages(*size), *t)).collect();
+    if points.len() < 3 {
+        return None;
+    }
+    let (a, s) = fit(&points);
+    let miss = points.iter().map(|(x, t)| ((a + s * x) / t - 1.0).abs()).fold(0.0, f64::max);
+    let paper = a + s * messages(1001);
+    let note = format!(
+        "A = {:.0} us, S = {:.1} us a message; on paper, 1,000 parts of one ring through one broker: {:.1} ms a step",
+        1e6 * a,
+        1e6 * s,
+        1e3 * paper
+    );
+    let name = format!("federation, {core}, the cost model's worst miss");
+    Some(
+        Row::figure(name, 100.0 * miss, "%").note(note, json!({"A_s": a, "S_s": s, "step_of_1000_s": paper})),
+    )
+}
+
+/// A and S of t = A + S x with the least squares of relative errors; two numbers in closed form.
+fn fit(points: &[(f64, f64)]) -> (f64, f64) {
+    // Each equation divided by t: 1 = A / t + S x / t.
+    let sum = |of: fn(f64, f64) -> f64| points.iter().map(|(x, t)| of(*x, *t)).sum::<f64>();
+    let (aa, ab, bb) = (sum(|_, t| 1.0 / (t * t)), sum(|x, t| x / (t * t)), sum(|x, t| x * x / (t * t)));
+    let (a1, b1) = (sum(|_, t| 1.0 / t), sum(|x, t| x / t));
+    let determinant = aa * bb - ab * ab;
+    ((a1 * bb - b1 * ab) / determinant, (aa * b1 - ab * a1) / determinant)
 }
 
 /// Steps a second.
@@ -168,4 +213,16 @@ fn scenario(clusters: usize) -> Value {
             "clusters": (0..BATTERIES).map(cluster).collect::<Vec<_>>(),
         }]},
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_found_again() {
+        let points = [6.0, 36.0, 84.0, 180.0].map(|x| (x, 2e-4 + 5e-6 * x));
+        let (a, s) = fit(&points);
+        assert!((a - 2e-4).abs() < 1e-15 && (s - 5e-6).abs() < 1e-17, "{a} {s}");
+    }
 }
