@@ -78,14 +78,21 @@ impl Ring {
             members.push(member.spawn().map_err(|error| error.to_string())?);
         }
         let mut slowest: f64 = 0.0;
-        for mut member in members {
+        let outputs: Vec<_> = members.iter_mut().filter_map(|member| member.stdout.take()).collect();
+        for out in outputs {
             let mut line = String::new();
-            if let Some(out) = member.stdout.take() {
-                BufReader::new(out).read_line(&mut line).map_err(|error| error.to_string())?;
+            let read = BufReader::new(out).read_line(&mut line);
+            match (read, line.trim().parse::<f64>()) {
+                (Ok(_), Ok(took_s)) => slowest = slowest.max(took_s),
+                _ => {
+                    // The others would wait for it.
+                    members.iter_mut().for_each(|member| drop(member.kill()));
+                    return Err("a member of the ring ended early".to_owned());
+                }
             }
-            let status = member.wait().map_err(|error| error.to_string())?;
-            let took_s: f64 = line.trim().parse().map_err(|_| format!("a member ended early ({status})"))?;
-            slowest = slowest.max(took_s);
+        }
+        for member in &mut members {
+            member.wait().map_err(|error| error.to_string())?;
         }
         drop(broker);
         println!(
@@ -138,7 +145,8 @@ impl Ring {
         };
         let took_s = run().map_err(|error| error.to_string())?;
         println!("{took_s}");
-        Ok(())
+        // An ordinary end of the process may wait for a broker that is gone.
+        helics.end_process(0)
     }
 
     /// A broker's place that nobody has.
@@ -146,14 +154,15 @@ impl Ring {
         if self.core == "ipc" {
             return Ok((format!("ring{}", std::process::id()), 0));
         }
-        let free = |port| std::net::TcpListener::bind(("127.0.0.1", port));
-        for _ in 0..100 {
-            let port = free(0).and_then(|one| one.local_addr()).map_err(|error| error.to_string())?.port();
-            if port < u16::MAX && free(port + 1).is_ok() {
-                return Ok(("127.0.0.1".to_owned(), port));
+        // Every member takes two from there on.
+        let is_free = |port: u16| std::net::TcpListener::bind(("127.0.0.1", port)).is_ok();
+        for k in 0..100 {
+            let first = 18_000 + (std::process::id() as u16 % 100 + k) % 100 * 64;
+            if (first..first + 4 + 2 * self.federates as u16).all(is_free) {
+                return Ok(("127.0.0.1".to_owned(), first));
             }
         }
-        Err("no two free ports next to each other".to_owned())
+        Err("no free ports next to each other from 18000 on".to_owned())
     }
 }
 
