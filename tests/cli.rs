@@ -58,6 +58,13 @@ fn what_the_user_got_wrong_ends_with_2() {
     );
     refused(&["run", "case1", "--grid", "absent.fmu"], 2, &["absent.fmu"]);
     refused(&["export", "controller", "mine.json"], 2, &["mine.json"]);
+    refused(
+        &["export", "controller", "case1", "--fmi", "3", "--portable"],
+        2,
+        &["--portable is for FMI 2.0"],
+    );
+    refused(&["export", "system", "case1", "--fmi", "3"], 2, &["FMI 3"]);
+    refused(&["export", "grid", "case1", "--fmi", "4"], 2, &["--fmi", "'4'", "possible values: 2, 3"]);
 }
 
 #[test]

@@ -26,8 +26,15 @@ class Process:
         self.said = folder / f"said-{time.monotonic_ns()}.txt"
         with open(self.said, "wb") as said:
             command = [*prefix, str(PROGRAM), *map(str, arguments)]
+            # Whoever starts the tests in the background has Ctrl-C ignored, and would hand that on.
             self.process = subprocess.Popen(
-                command, cwd=folder, stdin=subprocess.DEVNULL, stdout=said, stderr=said, env=ENVIRONMENT
+                command,
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                stdout=said,
+                stderr=said,
+                env=ENVIRONMENT,
+                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
             )
 
     def wait(self, seconds=60):

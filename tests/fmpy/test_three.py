@@ -236,3 +236,22 @@ def test_a_state_goes_to_another_process_with_its_sizes(make3, unpacked, tmp_pat
     for k in range(50, 100):
         fmu.step(k * 0.01, 0.01)
     assert done.stdout.strip() == b"".join(fmu.everything().values()).hex()
+
+
+def test_the_excerpts_in_the_documentation_run(three, make3, root, tmp_path, monkeypatch):
+    section = (root / "docs/masters.md").read_text().split("\n## FMI 3.0")[1].split("\n## ")[0]
+    simulated, configured = [block.split("```")[0] for block in section.split("```python\n")[1:]]
+    (tmp_path / "MyController.fmu").write_bytes(three("controller", "case1", "--fmi", "3").read_bytes())
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    exec(simulated, names)
+    setpoints = names["result"]["omega_set"]
+    assert setpoints.shape[1] == 7 and (setpoints[-1] != setpoints[0]).any()
+
+    fmu = make3("controller")
+    exec(configured, {"description": fmu.description, "fmu": fmu.slave})
+    fmu.slave.enterInitializationMode()
+    fmu.slave.exitInitializationMode()
+    n, reference = 4, fmu.variables["K_P"].valueReference
+    assert list(fmu.slave.getFloat64([reference], nValues=n)) == [0.004, 0.008, 0.004, 0.008]
+    assert len(fmu.slave.getFloat64([fmu.variables["omega_set"].valueReference], nValues=n)) == n

@@ -7,6 +7,7 @@ use bess_consensus::fmi::bindings::*;
 use bess_consensus::fmi::{Function, State};
 use std::ffi::{CStr, CString};
 use std::ptr::null;
+use std::rc::Rc;
 
 /// Start times, s; the last ones are refused.
 const STARTS: [f64; 10] = [0.0, 0.0, 0.0, -5.0, 1e6, 9e9, -9e9, f64::NAN, f64::INFINITY, 1e300];
@@ -29,7 +30,7 @@ impl World<'_> {
         self.tally.count(Function::Instantiate, fmi2Status_fmi2OK);
         let given = &self.subject.exports[export];
         let guid = CString::new(given.guid.as_str()).expect("hexadecimal digits");
-        let log = Box::new(Log::default());
+        let log = Rc::new(Log::default());
         let heard = !self.choices.once_in(16);
         let callbacks = fmi2CallbackFunctions {
             logger: if heard { log.callbacks().logger } else { None },

@@ -18,6 +18,7 @@ use bess_consensus::fmi::bindings::*;
 use bess_consensus::fmi::{Function, State};
 use states::{Blob, Slot};
 use std::ptr::null_mut;
+use std::rc::Rc;
 
 const INSTANCES: usize = 3;
 const SLOTS: usize = 4;
@@ -80,7 +81,8 @@ const PURE: &[Function] = &[
 /// A living instance.
 struct Live {
     c: fmi2Component,
-    log: Box<Log>,
+    /// Shared with the instance, which holds its address: a `Box` would claim it for itself when moved.
+    log: Rc<Log>,
     /// Whether it was given a logger.
     heard: bool,
     export: usize,

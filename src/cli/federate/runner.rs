@@ -19,6 +19,8 @@ use std::time::{Duration, Instant};
 
 /// How long a broker may take until federates may come.
 const BROKER_START: Duration = Duration::from_secs(20);
+/// Ports tried for it.
+const BROKER_TRIALS: u32 = 4;
 /// How long an orderly end may take.
 const LAST_WORDS: Duration = Duration::from_secs(20);
 /// How long taking a dead federate out may take.
@@ -104,15 +106,32 @@ impl Watched<'_> {
         started.map_err(|source| failed(FederationError::Process { what, source }))
     }
 
-    /// Starts a broker, unless there is one; its name for federates.
+    /// Starts a broker, unless there is one; its name for federates. A port that somebody else has taken since it was
+    /// looked at is given up for another, unless it was asked for.
     fn start_broker(&mut self, federates: usize, listener: &Receiver<Said>) -> Result<String, Failure> {
         let args = self.args;
         if args.broker.is_some() {
             return Ok(args.broker_name(args.address().port));
         }
+        for trial in 1..BROKER_TRIALS {
+            match self.try_broker(federates, listener, trial) {
+                Err(_) if args.port.is_none() && args.core != Core::Ipc => {}
+                done => return done,
+            }
+        }
+        self.try_broker(federates, listener, BROKER_TRIALS)
+    }
+
+    fn try_broker(
+        &mut self,
+        federates: usize,
+        listener: &Receiver<Said>,
+        trial: u32,
+    ) -> Result<String, Failure> {
+        let args = self.args;
         let port = match args.port {
             Some(port) => port,
-            None => free_port(&args.listen, args.core, federates)
+            None => free_port(&args.listen, args.core, federates, trial)
                 .into_diagnostic()
                 .wrap_err_with(|| args.listen.clone())?,
         };
@@ -312,8 +331,8 @@ fn how(status: ExitStatus) -> String {
 }
 
 /// A port with room behind it: zmq wants two for the broker, and every federate takes two from there on. Below the ports
-/// that systems give to anybody who asks, so that nobody comes in between.
-fn free_port(listen: &str, core: Core, federates: usize) -> std::io::Result<u16> {
+/// that systems give to anybody who asks, so that nobody comes in between. Each trial begins elsewhere.
+fn free_port(listen: &str, core: Core, federates: usize, trial: u32) -> std::io::Result<u16> {
     const FIRST: u32 = 12_000;
     const STARTS: u32 = 256;
     const SPACE: u32 = 64;
@@ -325,7 +344,7 @@ fn free_port(listen: &str, core: Core, federates: usize) -> std::io::Result<u16>
     // A wrong address is told as such.
     TcpListener::bind((listen, 0))?;
     for k in 0..STARTS {
-        let first = FIRST + (std::process::id() + k) % STARTS * SPACE;
+        let first = FIRST + (std::process::id() + 97 * trial + k) % STARTS * SPACE;
         if (first..first + wanted).all(is_free) {
             return Ok(first as u16);
         }
