@@ -6,7 +6,7 @@ use super::controller::Controller;
 use super::diagnosis::{Diagnosis, Seen};
 use super::discretisation::SignPower;
 use super::exchange::SECONDS_PER_HOUR;
-use super::lag::{LANES, load_few, no_load};
+use super::lag::{LANES, load_few, no_load, no_loads};
 use super::network::Network;
 use super::power::power;
 use super::state::State;
@@ -254,11 +254,12 @@ impl Visit<'_> {
         for (counted, live) in counted.iter_mut().zip(self.live) {
             *counted = *live & (clock.samples > 0);
         }
-        let y = no_loads(&inputs.omega, &parameters.K_P, &inputs.P);
-        let sigma = no_loads(&outputs.omega_set, &parameters.K_P, &outputs.P_set);
+        let (K_P, K_Q) = (load_few(&parameters.K_P), load_few(&parameters.K_Q));
+        let y = no_loads(load_few(&inputs.omega), K_P, load_few(&inputs.P));
+        let sigma = no_loads(load_few(&outputs.omega_set), K_P, load_few(&outputs.P_set));
         lags.frequency.observe_few(&counted, &y, &sigma);
-        let y = no_loads(&inputs.V, &parameters.K_Q, &inputs.Q);
-        let sigma = no_loads(&outputs.V_set, &parameters.K_Q, &outputs.Q_set);
+        let y = no_loads(load_few(&inputs.V), K_Q, load_few(&inputs.Q));
+        let sigma = no_loads(load_few(&outputs.V_set), K_Q, load_few(&outputs.Q_set));
         lags.voltage.observe_few(&counted, &y, &sigma);
     }
 
@@ -297,14 +298,4 @@ impl Visit<'_> {
             own: [&omega[..n], &p[..n], &V[..n], &q[..n], &soc[..n]],
         });
     }
-}
-
-/// `no_load` of a few agents, side by side.
-#[inline(always)]
-fn no_loads(level: &[f64], droop: &[f64], power: &[f64]) -> [f64; FEW] {
-    let (mut level, droop, power) = (load_few(level), load_few(droop), load_few(power));
-    for lane in 0..FEW {
-        level[lane] = no_load(level[lane], droop[lane], power[lane]);
-    }
-    level
 }

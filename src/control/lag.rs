@@ -121,8 +121,9 @@ fn store_few(lanes: &[f64; LANES], values: &mut [f64]) {
     }
 }
 
+/// [`no_load`] of agents side by side.
 #[inline(always)]
-fn no_loads(level: [f64; LANES], droop: [f64; LANES], power: [f64; LANES]) -> [f64; LANES] {
+pub(super) fn no_loads(level: [f64; LANES], droop: [f64; LANES], power: [f64; LANES]) -> [f64; LANES] {
     let mut out = [0.0; LANES];
     for lane in 0..LANES {
         out[lane] = no_load(level[lane], droop[lane], power[lane]);
