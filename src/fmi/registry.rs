@@ -45,6 +45,25 @@ impl<M> Row<M> {
     pub const NONE: Row<M> = Row { get: |_| None, set: |_| None };
 }
 
+impl<M> Group<M> {
+    /// Reads the variables of these 0-based indices at once; false, and nothing read, where they are not kept so or
+    /// the lengths differ.
+    #[inline]
+    pub(super) fn read_row(&self, model: &M, indices: std::ops::Range<usize>, values: &mut [f64]) -> bool {
+        let row = (self.row.get)(model).and_then(|row| row.get(indices));
+        let row = row.filter(|row| row.len() == values.len());
+        row.map(|row| values.copy_from_slice(row)).is_some()
+    }
+
+    /// Sets them alike.
+    #[inline]
+    pub(super) fn write_row(&self, model: &mut M, indices: std::ops::Range<usize>, values: &[f64]) -> bool {
+        let row = (self.row.set)(model).and_then(|row| row.get_mut(indices));
+        let row = row.filter(|row| row.len() == values.len());
+        row.map(|row| row.copy_from_slice(values)).is_some()
+    }
+}
+
 /// Read and set functions; the index counts from 0 within the group (0 for a scalar).
 pub enum Access<M> {
     /// fmi2Real.

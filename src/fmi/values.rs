@@ -18,10 +18,7 @@ impl<M: Model> Instance<M> {
         self.prepare_get(Function::GetReal, Type::Real, references, values.len())?;
         for run in self.registry.runs(references).flatten() {
             let (group, values) = (run.group, run.values_mut(values));
-            if let (Some(range), Some(row)) = (run.range(), (group.row.get)(&self.model))
-                && let Some(row) = row.get(range)
-            {
-                values.copy_from_slice(row);
+            if run.range().is_some_and(|range| group.read_row(&self.model, range, values)) {
                 continue;
             }
             let places = run.indices().zip(values);
@@ -57,9 +54,10 @@ impl<M: Model> Instance<M> {
             else {
                 return Ok(false);
             };
-            if let Some(row) = (group.row.get)(&self.model).and_then(|row| row.get(indices.clone())) {
-                values.copy_from_slice(row);
-            } else if let Access::Real(get, _) = group.access {
+            if group.read_row(&self.model, indices.clone(), values) {
+                continue;
+            }
+            if let Access::Real(get, _) = group.access {
                 for (i, value) in indices.clone().zip(values) {
                     *value = get(&self.model, i);
                 }
@@ -118,10 +116,7 @@ impl<M: Model> Instance<M> {
         }
         for run in self.registry.runs(references).flatten() {
             let (group, values) = (run.group, run.values(values));
-            if let (Some(range), Some(row)) = (run.range(), (group.row.set)(&mut self.model))
-                && let Some(row) = row.get_mut(range)
-            {
-                row.copy_from_slice(values);
+            if run.range().is_some_and(|range| group.write_row(&mut self.model, range, values)) {
                 continue;
             }
             let (model, places) = (&mut self.model, run.indices().zip(values));
@@ -163,10 +158,10 @@ impl<M: Model> Instance<M> {
             else {
                 continue;
             };
-            let row = (group.row.set)(&mut self.model);
-            if let Some(row) = row.and_then(|row| row.get_mut(indices.clone())) {
-                row.copy_from_slice(values);
-            } else if let Access::Real(_, Some(set)) = group.access {
+            if group.write_row(&mut self.model, indices.clone(), values) {
+                continue;
+            }
+            if let Access::Real(_, Some(set)) = group.access {
                 for (i, value) in indices.clone().zip(values) {
                     set(&mut self.model, i, *value);
                 }
