@@ -89,9 +89,9 @@ impl Integrator {
         (self.relative, self.absolute)
     }
 
-    /// Advances `y` by `duration_s`, in code for the processor that it runs on. `step_s` is the size that the next internal step wants; it outlives
-    /// the call, so that short communication steps cost no more than they must. On failure `y` and
-    /// `step_s` are as before.
+    /// Advances `y` by `duration_s`, in code for the processor that it runs on. `step_s` is the size that the next
+    /// internal step wants; it outlives the call, so that short communication steps cost no more than they must. On
+    /// failure `y` and `step_s` are as before.
     pub fn advance<D: Dynamics>(
         &mut self,
         dynamics: &mut D,
