@@ -63,7 +63,11 @@ fn what_the_user_got_wrong_ends_with_2() {
         2,
         &["--portable is for FMI 2.0"],
     );
-    refused(&["export", "system", "case1", "--fmi", "3"], 2, &["FMI 3"]);
+    refused(
+        &["export", "system", "case1", "--fmi", "3"],
+        2,
+        &["--fmi 3", "FMUs of FMI 2.0", "each with --fmi 3"],
+    );
     refused(&["export", "grid", "case1", "--fmi", "4"], 2, &["--fmi", "'4'", "possible values: 2, 3"]);
 }
 
