@@ -4,7 +4,7 @@
 use super::super::Failure;
 use super::record::Record;
 use crate::control::config::Law;
-use crate::report::{Agents, Phase, Table, format_value};
+use crate::report::{Phase, Table, format_value};
 use crate::scenario::Resolved;
 use miette::IntoDiagnostic;
 use serde::Serialize;
@@ -63,11 +63,10 @@ pub fn row(
     main: &Resolved,
     resolved: &Resolved,
     record: &Record,
-    agents: &Agents,
     phase: &Phase,
 ) -> Result<Row, Failure> {
     let columns = record.columns().into_diagnostic()?;
-    let n = agents.names.len();
+    let n = resolved.control.agents();
     let time = columns.time_s();
     let within = time.partition_point(|t| *t < phase.from_s)..time.partition_point(|t| *t < phase.to_s);
     let of = |name: &str| {

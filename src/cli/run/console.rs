@@ -36,7 +36,7 @@ pub fn table(results: &Results, folder: &Path, report: bool) -> String {
     if !results.faults.is_empty() {
         text.push_str(&faults::text(&results.faults));
     }
-    let options = results.options();
+    let options = &results.terms().options;
     let _ = writeln!(
         text,
         "\nWorst of the last {} s of each phase, pu. Settled: frequency and K_P P within {} until the next event.",

@@ -2,8 +2,9 @@
 
 use super::super::{Failure, ScenarioArgs};
 use super::record::{How, Record, record};
+use super::terms::Terms;
 use crate::harness::{Cast, HarnessError};
-use crate::report::{Agents, FaultRow, FaultWindow, KeptLimits, fault_lines, fault_row};
+use crate::report::{FaultRow, FaultWindow, KeptLimits, fault_lines, fault_row};
 use crate::scenario::Resolved;
 use crate::scenario::fault::Trial;
 use miette::IntoDiagnostic;
@@ -20,7 +21,7 @@ pub fn trials(args: &ScenarioArgs, resolved: &Resolved) -> Result<Vec<(Trial, Re
 }
 
 /// The row of the scenario itself, where it has faults; it counts from the first to the last of them.
-pub fn own_row(resolved: &Resolved, run: &Record, agents: &Agents) -> Result<Option<FaultRow>, Failure> {
+pub fn own_row(resolved: &Resolved, run: &Record) -> Result<Option<FaultRow>, Failure> {
     let faults = &resolved.scenario.faults;
     let Some(from_s) = faults.iter().map(|fault| fault.from_s).reduce(f64::min) else { return Ok(None) };
     let ends: Option<Vec<f64>> = faults.iter().map(|fault| fault.until_s).collect();
@@ -36,14 +37,13 @@ pub fn own_row(resolved: &Resolved, run: &Record, agents: &Agents) -> Result<Opt
         tolerance: 1e-5,
         cannot: None,
     };
-    row(resolved, run, agents, &window).map(Some)
+    row(resolved, run, &window).map(Some)
 }
 
 /// Runs a trial.
 pub fn run_trial(
     trial: &Trial,
     (resolved, cast): (&Resolved, &Cast),
-    agents: &Agents,
     how: &How<'_>,
 ) -> Result<FaultRow, Failure> {
     let failed = |error: &HarnessError| {
@@ -62,15 +62,10 @@ pub fn run_trial(
         tolerance: trial.tolerance,
         cannot: trial.cannot.clone(),
     };
-    row(resolved, &run, agents, &window)
+    row(resolved, &run, &window)
 }
 
-fn row(
-    resolved: &Resolved,
-    run: &Record,
-    agents: &Agents,
-    window: &FaultWindow,
-) -> Result<FaultRow, Failure> {
+fn row(resolved: &Resolved, run: &Record, window: &FaultWindow) -> Result<FaultRow, Failure> {
     let limits = &resolved.control.limits;
     let kept = KeptLimits {
         omega_set: limits.omega_set_range,
@@ -79,7 +74,8 @@ fn row(
         P: limits.P_max.clone(),
         rates: [limits.omega_set_rate.clone(), limits.V_set_rate.clone(), limits.P_set_rate.clone()],
     };
-    Ok(fault_row(&run.columns().into_diagnostic()?, agents, &kept, window).into_diagnostic()?)
+    let agents = Terms::of(resolved).agents;
+    Ok(fault_row(&run.columns().into_diagnostic()?, &agents, &kept, window).into_diagnostic()?)
 }
 
 /// The rows for the terminal, a line each.

@@ -8,6 +8,7 @@ mod isolate;
 mod record;
 mod results;
 mod sections;
+mod terms;
 
 pub use isolate::{WORKER, WorkerArgs, work};
 pub use record::{bar, identity, replay};
@@ -135,11 +136,11 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     let (ended, failure) = ended.unzip();
     let written = Results::new(&resolved, &main, &compared, ended).and_then(|mut results| {
         if failure.is_none() {
-            results.faults.extend(faults::own_row(&resolved, &main, results.agents())?);
+            results.faults.extend(faults::own_row(&resolved, &main)?);
             for (trial, resolved) in &trials {
                 let controller = own_controller(args, resolved);
                 let cast = Cast { controller, ..self::cast(args, resolved) };
-                results.faults.push(faults::run_trial(trial, (resolved, &cast), results.agents(), &alone)?);
+                results.faults.push(faults::run_trial(trial, (resolved, &cast), &alone)?);
             }
         }
         results.write_summary(&folder.join("summary.json"))?;
@@ -244,7 +245,7 @@ fn unlikely(args: &RunArgs, resolved: &Resolved) -> Vec<String> {
         if args.scenario.assignments().contains_key("stop_s") { f64::INFINITY } else { scenario.stop_s };
     let mut warnings = Vec::new();
     let fed = |wire: &scenario::connection::Wire| wire.to == "controller.enable";
-    if results::enabled_from(resolved).is_infinite() && !resolved.wires.iter().any(fed) {
+    if terms::enabled_from(resolved).is_infinite() && !resolved.wires.iter().any(fed) {
         warnings.push(
             "controller.enable is never true: the controller holds its setpoints throughout; set it in `initial` \
              or by an event"

@@ -5,10 +5,8 @@ use super::comparison::{self, Compared, Row};
 use super::ended::Ended;
 use super::record::Record;
 use super::sections::{certificates, communication, figures_of_paper, side_by_side};
-use crate::report::{
-    Agents, FaultRow, Item, Phase, PhaseOptions, Report, Section, Status, error_systems, fault_table,
-    five_states, phase_table, phases,
-};
+use super::terms::Terms;
+use crate::report::{FaultRow, Item, Phase, Report, Section, Status, fault_table, five_states, phase_table};
 use crate::scenario::Resolved;
 use miette::{IntoDiagnostic, WrapErr};
 use serde::Serialize;
@@ -45,11 +43,7 @@ pub struct Results {
     /// What ended the run too early; all figures are of the time before.
     pub ended: Option<Ended>,
     #[serde(skip)]
-    agents: Agents,
-    #[serde(skip)]
-    events: Vec<(f64, String)>,
-    #[serde(skip)]
-    options: PhaseOptions,
+    terms: Terms,
 }
 
 /// A variant, phase by phase.
@@ -69,42 +63,23 @@ impl Results {
         compared: &[Compared],
         ended: Option<Ended>,
     ) -> Result<Self, Failure> {
-        let n = resolved.control.agents();
-        let agents = Agents {
-            names: (0..n).map(|i| resolved.bess_name(i)).collect(),
-            K_P: resolved.control.K_P.clone(),
-            K_Q: resolved.control.K_Q.clone(),
-            capacity: resolved.control.capacity.clone(),
-            omega_ref: 1.0,
-            V_ref: 1.0,
-        };
-        let events: Vec<(f64, String)> =
-            resolved.scenario.events.iter().map(|e| (e.at_s, e.label.clone())).collect();
-        let options = PhaseOptions { active_from_s: enabled_from(resolved), ..PhaseOptions::default() };
-        let of = |record: &Record| phases(&record.columns()?, &agents, &events, &options);
-        let mut variants = Vec::with_capacity(compared.len());
-        for Compared { label, record, .. } in compared {
-            variants.push(VariantResults { label: label.clone(), phases: of(record).into_diagnostic()? });
+        let terms = Terms::of(resolved);
+        let own = terms.phases(main).into_diagnostic()?;
+        let mut rows = Vec::with_capacity(compared.len() + 1);
+        if let Some(phase) = terms.first_active(&own).filter(|_| !compared.is_empty()) {
+            rows.push(comparison::row("as given", resolved, resolved, main, phase)?);
         }
-        let own = of(main).into_diagnostic()?;
-        let side_by_side = if variants.is_empty() {
-            Vec::new()
-        } else {
-            let mut rows = Vec::with_capacity(variants.len() + 1);
-            let first = |phases: &[Phase]| phases.iter().find(|p| p.from_s >= options.active_from_s).cloned();
-            if let Some(phase) = first(&own) {
-                rows.push(comparison::row("as given", resolved, resolved, main, &agents, &phase)?);
+        let mut variants = Vec::with_capacity(compared.len());
+        for (k, Compared { label, resolved: other, record }) in compared.iter().enumerate() {
+            let terms = Terms::of(other);
+            let phases = terms.phases(record).into_diagnostic()?;
+            if let Some(phase) = terms.first_active(&phases) {
+                let mut row = comparison::row(label, resolved, other, record, phase)?;
+                row.run = k + 1;
+                rows.push(row);
             }
-            for (k, (c, v)) in compared.iter().zip(&variants).enumerate() {
-                if let Some(phase) = first(&v.phases) {
-                    let mut row =
-                        comparison::row(&c.label, resolved, &c.resolved, &c.record, &agents, &phase)?;
-                    row.run = k + 1;
-                    rows.push(row);
-                }
-            }
-            rows
-        };
+            variants.push(VariantResults { label: label.clone(), phases });
+        }
         Ok(Self {
             scenario: resolved.scenario.name.clone(),
             simulated_s: match &main.ended {
@@ -114,33 +89,26 @@ impl Results {
             step_s: resolved.scenario.step_s,
             wall_s: main.outcome.total.as_secs_f64(),
             real_time_factor: main.real_time_factor(),
-            worst_sum_of_P_set: main.worst_sum_of_p_set(n),
+            worst_sum_of_P_set: main.worst_sum_of_p_set(resolved.control.agents()),
             phases: own,
             variants,
-            eta: comparison::eta_verdict(&side_by_side),
-            side_by_side,
+            eta: comparison::eta_verdict(&rows),
+            side_by_side: rows,
             faults: Vec::new(),
             resumed_at_s: main.resumed_at_s(),
             ended,
-            agents,
-            events,
-            options,
+            terms,
         })
     }
 
     /// Whether everything settled in every phase in which the controller works.
     pub fn settled(&self) -> bool {
-        self.phases.iter().filter(|p| p.from_s >= self.options.active_from_s).all(Phase::settled)
+        self.phases.iter().filter(|p| p.from_s >= self.terms.options.active_from_s).all(Phase::settled)
     }
 
-    /// The batteries.
-    pub fn agents(&self) -> &Agents {
-        &self.agents
-    }
-
-    /// What counts as settled.
-    pub fn options(&self) -> &PhaseOptions {
-        &self.options
+    /// What the run itself is judged by.
+    pub fn terms(&self) -> &Terms {
+        &self.terms
     }
 
     /// Writes `summary.json`, whole or not at all.
@@ -173,10 +141,10 @@ impl Results {
                      {} s. The sum of the power references stayed within {:.1e} pu of zero.",
                 self.simulated_s, self.wall_s, self.real_time_factor, self.step_s, self.worst_sum_of_P_set
             ),
-            items: vec![phase_table(&self.phases, &self.agents, &self.options)],
+            items: vec![phase_table(&self.phases, &self.terms.agents, &self.terms.options)],
         });
         if self.side_by_side.len() > 1 {
-            sections.push(side_by_side(&self.side_by_side, &self.agents, &self.events, main, compared)?);
+            sections.push(side_by_side(&self.side_by_side, (&self.terms, main), compared)?);
         }
         if !self.faults.is_empty() {
             sections.push(Section {
@@ -190,10 +158,11 @@ impl Results {
             figure.map_or_else(|| what.to_owned(), |k| format!("{what} (the paper's Figure {k})"))
         };
         sections.push(self.states(&title("The five states", paper.map(|p| p.0)), main)?);
-        sections.push(self.errors(&title("Error systems", paper.map(|p| p.1)), main)?);
-        for (variant, Compared { label, record, .. }) in self.variants.iter().zip(compared) {
-            let mut section = self.errors(&format!("To compare: {label}"), record)?;
-            section.items.insert(0, phase_table(&variant.phases, &self.agents, &self.options));
+        sections.push(errors(&title("Error systems", paper.map(|p| p.1)), &self.terms, main)?);
+        for (variant, Compared { label, resolved, record }) in self.variants.iter().zip(compared) {
+            let terms = Terms::of(resolved);
+            let mut section = errors(&format!("To compare: {label}"), &terms, record)?;
+            section.items.insert(0, phase_table(&variant.phases, &terms.agents, &terms.options));
             sections.push(section);
         }
         sections.push(communication(resolved));
@@ -217,17 +186,7 @@ impl Results {
 
     fn states(&self, heading: &str, record: &Record) -> Result<Section, Failure> {
         let columns = record.columns().into_diagnostic()?;
-        let figures = five_states(&columns, &self.agents, &self.events).into_diagnostic()?;
-        Ok(Section {
-            heading: heading.into(),
-            text: String::new(),
-            items: figures.into_iter().map(Item::Figure).collect(),
-        })
-    }
-
-    fn errors(&self, heading: &str, record: &Record) -> Result<Section, Failure> {
-        let columns = record.columns().into_diagnostic()?;
-        let figures = error_systems(&columns, &self.agents, &self.events).into_diagnostic()?;
+        let figures = five_states(&columns, &self.terms.agents, &self.terms.events).into_diagnostic()?;
         Ok(Section {
             heading: heading.into(),
             text: String::new(),
@@ -236,14 +195,11 @@ impl Results {
     }
 }
 
-/// When the controller is first enabled, s; infinite if never.
-pub fn enabled_from(resolved: &Resolved) -> f64 {
-    let on = |set: &serde_json::Map<String, serde_json::Value>| {
-        set.get("controller.enable").is_some_and(|v| v.as_bool() == Some(true) || v.as_f64() == Some(1.0))
-    };
-    if on(&resolved.scenario.initial) {
-        return 0.0;
-    }
-    let times = resolved.scenario.events.iter().filter(|e| on(&e.set)).map(|e| e.at_s);
-    times.fold(f64::INFINITY, f64::min)
+fn errors(heading: &str, terms: &Terms, record: &Record) -> Result<Section, Failure> {
+    let figures = terms.errors(record).into_diagnostic()?;
+    Ok(Section {
+        heading: heading.into(),
+        text: String::new(),
+        items: figures.into_iter().map(Item::Figure).collect(),
+    })
 }

@@ -3,11 +3,12 @@
 use super::super::{Failure, bounds, certified};
 use super::comparison::{self, Compared, Row};
 use super::record::Record;
+use super::terms::Terms;
 use crate::control::clustering::Link;
 use crate::control::topology::{Topologies, Topology};
 use crate::report::{
-    Agents, Branch, Edge, Figure, GraphFigure, Item, Line, Node, Section, Table, TreeFigure, cluster_layout,
-    dash_of, error_systems, format_value,
+    Branch, Edge, Figure, GraphFigure, Item, Line, Node, Section, Table, TreeFigure, cluster_layout, dash_of,
+    format_value,
 };
 use crate::scenario::Resolved;
 use miette::IntoDiagnostic;
@@ -25,18 +26,14 @@ pub fn figures_of_paper(name: &str) -> Option<(u32, u32)> {
 }
 
 /// A run and its variants side by side: the table, and one line per run in each error figure.
-pub fn side_by_side(
-    rows: &[Row],
-    agents: &Agents,
-    events: &[(f64, String)],
-    main: &Record,
-    compared: &[Compared],
-) -> Result<Section, Failure> {
-    let runs: Vec<&Record> = std::iter::once(main).chain(compared.iter().map(|c| &c.record)).collect();
+pub fn side_by_side(rows: &[Row], own: (&Terms, &Record), compared: &[Compared]) -> Result<Section, Failure> {
     let mut overlays: Vec<Figure> = Vec::new();
     for row in rows {
-        let Some(run) = runs.get(row.run) else { continue };
-        let figures = error_systems(&run.columns().into_diagnostic()?, agents, events).into_diagnostic()?;
+        let figures = match row.run.checked_sub(1).and_then(|k| compared.get(k)) {
+            Some(other) => Terms::of(&other.resolved).errors(&other.record),
+            None => own.0.errors(own.1),
+        };
+        let figures = figures.into_diagnostic()?;
         if overlays.is_empty() {
             overlays = figures.iter().map(empty_overlay).collect();
         }
