@@ -1,5 +1,5 @@
 //! Random calls of FMI 3.0's symbols over a mock, valid and wrong ones: a call that is not OK writes one line that begins
-//! with its name, leaves the state as it was to the bit and the importer's arrays untouched; one that is OK writes none.
+//! with its name, leaves the state as it was to the bit and the importer's arrays untouched; one that is OK writes no error.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail")]
 #![allow(clippy::undocumented_unsafe_blocks, clippy::multiple_unsafe_ops_per_block)]
 

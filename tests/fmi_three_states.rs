@@ -255,3 +255,52 @@ fn logging_can_be_chosen_by_category() {
         fmu.line().starts_with("fmi3EnterInitializationMode: stopTime = 1.0 is not after startTime = 2.0")
     );
 }
+
+#[test]
+fn sizes_that_were_never_built_are_forgotten_with_the_end() {
+    let fmu = Fmu::new();
+    unsafe { assert_eq!(fmi3EnterConfigurationMode(fmu.c), OK) };
+    assert_eq!(fmu.set_number("n", &[5]), OK);
+    unsafe { assert_eq!(fmi3Terminate(fmu.c), OK) };
+    // The model of two is still there, and nothing else may be read in its place.
+    assert_eq!(fmu.get(&["total", "u"], 3).unwrap(), [3.0, 1.0, 2.0]);
+    let bytes = fmu.state();
+    let mut state = null_mut();
+    unsafe {
+        assert_eq!(fmi3DeserializeFMUState(fmu.c, bytes.as_ptr(), bytes.len(), &raw mut state), OK);
+        assert_eq!(fmi3SetFMUState(fmu.c, state), OK);
+        assert_eq!(fmi3FreeFMUState(fmu.c, &raw mut state), OK);
+    }
+    assert!(fmu.state() == bytes);
+    assert_eq!(fmu.lines(), []);
+}
+
+#[test]
+fn a_state_between_two_sizes_goes_back_though_a_number_named_the_last_of_more() {
+    let fmu = Fmu::new();
+    assert_eq!(fmu.set_number("whose", &[2]), OK);
+    assert_eq!(fmu.set(&["bias"], &[7.0]), OK);
+    unsafe { assert_eq!(fmi3EnterConfigurationMode(fmu.c), OK) };
+    assert_eq!(fmu.set_number("n", &[1]), OK);
+    let (mut state, bytes) = (null_mut(), fmu.state());
+    unsafe {
+        assert_eq!(fmi3GetFMUState(fmu.c, &raw mut state), OK);
+        assert_eq!(fmi3SetFMUState(fmu.c, state), OK);
+        assert_eq!(fmi3FreeFMUState(fmu.c, &raw mut state), OK);
+        assert_eq!(fmi3DeserializeFMUState(fmu.c, bytes.as_ptr(), bytes.len(), &raw mut state), OK);
+        assert_eq!(fmi3FreeFMUState(fmu.c, &raw mut state), OK);
+        assert_eq!(fmi3ExitConfigurationMode(fmu.c), OK);
+    }
+    // The row is zeros: the number, and what stood beside it.
+    assert_eq!(fmu.get(&["bias", "total"], 2).unwrap(), [0.0, 1.0]);
+    assert_eq!(fmu.lines(), []);
+}
+
+#[test]
+fn time_stands_among_values_of_the_model_without_disturbing_them() {
+    let fmu = Fmu::new();
+    unsafe { assert_eq!(fmi3EnterInitializationMode(fmu.c, false, 0.0, 4.0, false, 0.0), OK) };
+    let expected = [4.0, 1.0, 2.0, 4.0, 0.0, 2.0, 4.0];
+    assert_eq!(fmu.get(&["time", "u", "time", "bias", "gain", "time"], 7).unwrap(), expected);
+    assert_eq!(fmu.lines(), []);
+}

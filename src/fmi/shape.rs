@@ -116,14 +116,25 @@ impl Shape {
         self.sizes.iter().map(|size| size.value).eq(other.sizes.iter().map(|size| size.value))
     }
 
-    /// Sets an accepted value of the size at this position; arrays of another length are zeros from then on.
+    /// Sets an accepted value of the size at this position; arrays of another length are zeros from then on, and so are
+    /// those beside a whole number that has become too large.
     pub(super) fn resize(&mut self, position: usize, value: u64) {
         let Some(size) = self.sizes.get_mut(position) else { return };
         size.value = value;
-        let length = usize::try_from(value).unwrap_or(usize::MAX);
-        for array in self.arrays.iter_mut().filter(|array| array.size == size.name) {
+        let (changed, length) = (size.name, usize::try_from(value).unwrap_or(usize::MAX));
+        for array in self.arrays.iter_mut().filter(|array| array.size == changed) {
             if array.values.len() != length {
                 array.values = array.values.zeros(length);
+            }
+        }
+        let exceeds = |array: &&Array| {
+            array.at_most == Some(changed)
+                && matches!(&array.values, Values::UInt64(numbers) if numbers.iter().any(|number| *number > value))
+        };
+        // Edge columns go together: half an edge is none.
+        while let Some(rows) = self.arrays.iter().find(exceeds).map(|array| array.size) {
+            for array in self.arrays.iter_mut().filter(|array| array.size == rows) {
+                array.values = array.values.zeros(array.values.len());
             }
         }
     }
@@ -192,6 +203,7 @@ mod tests {
             arrays: vec![
                 array("from", "m", Some("n"), Values::UInt64(vec![2])),
                 array("weight", "n", None, Values::Float64(vec![1.0, 2.0, 3.0])),
+                array("length", "m", None, Values::Float64(vec![5.0])),
             ],
         }
     }
@@ -202,7 +214,16 @@ mod tests {
         changed.resize(0, 2);
         assert_eq!(changed.reals("weight"), [0.0, 0.0]);
         assert_eq!(changed.numbers("from"), [2]);
+        assert_eq!(shape().with(&changed.values()), Some(changed.clone()));
         assert!(!changed.has_sizes_of(&shape()));
+    }
+
+    #[test]
+    fn what_names_more_than_there_are_is_zeroed_with_what_stands_beside_it() {
+        let mut changed = shape();
+        changed.resize(0, 1);
+        assert_eq!((changed.numbers("from"), changed.reals("length")), (&[0][..], &[0.0][..]));
+        assert_eq!(shape().with(&changed.values()), Some(changed));
     }
 
     #[test]

@@ -22,8 +22,10 @@ pub struct Dependency {
 
 impl<M: Model> Instance<M> {
     /// fmi3GetVariableDependencies: what a variable follows within a step, or while the initial state is looked for.
-    pub fn dependencies(&self, function: Function, reference: u32) -> Outcome<Vec<Dependency>> {
+    pub fn dependencies(&mut self, function: Function, reference: u32) -> Outcome<Vec<Dependency>> {
         self.allow(function)?;
+        // A graph that has been set decides who follows whom.
+        self.on_built(|_| Ok(()))?;
         let (table, model) = (self.table(), self.model());
         let Variable::Group(_, group) = table.at(0, reference)? else { return Ok(Vec::new()) };
         if group.causality != Causality::Output {

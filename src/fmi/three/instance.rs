@@ -162,6 +162,8 @@ impl<M: Model> Instance<M> {
     pub fn terminate(&mut self) -> Outcome<()> {
         self.allow(Function::Terminate)?;
         self.inner.terminate()?;
+        // Sizes that were about to be, and have no model yet.
+        self.wanted.take_if(|wanted| !wanted.has_sizes_of(&self.built));
         self.configuring = false;
         Ok(())
     }

@@ -7,6 +7,7 @@
 use super::call_order::Function;
 use super::error::{Outcome, Reason};
 use super::instance::Instance;
+use crate::fmi::call_order::State as CommonState;
 use crate::fmi::guid::Guid;
 use crate::fmi::model::Model;
 use crate::fmi::shape::ShapeValues;
@@ -142,11 +143,21 @@ impl<M: Model> Instance<M> {
             postcard::take_from_bytes(payload).map_err(unreadable)?;
         let contradiction = || unreadable("its contents contradict themselves");
         let shape = self.built.with(&built).ok_or_else(contradiction)?;
-        if wanted.as_ref().is_some_and(|values| self.built.with(values).is_none()) {
-            return Err(contradiction());
-        }
+        let target = match &wanted {
+            Some(values) => Some(self.built.with(values).ok_or_else(contradiction)?),
+            None => None,
+        };
         let guid = if shape == self.built { self.inner.guid() } else { self.fresh(&shape)?.guid() };
         let inner = Common::deserialize(rest, guid).map_err(common)?;
+        // Other sizes are wanted in configuration mode alone, which is before anything begins.
+        let is_possible = match target {
+            _ if configuring => inner.life.state == CommonState::Instantiated,
+            Some(target) => target.has_sizes_of(&shape),
+            None => true,
+        };
+        if !is_possible {
+            return Err(contradiction());
+        }
         Ok(Snapshot { token: self.token(), configuring, built, wanted, inner })
     }
 }

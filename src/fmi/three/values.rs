@@ -1,5 +1,5 @@
 //! Getting and setting variables, arrays whole: everything about a call is checked before the first value moves. Nothing
-//! here allocates unless a call is refused or mixes the model's variables with sizes or arrays of its shape.
+//! here allocates unless a call is refused or sets sizes or arrays of the model's shape.
 
 use super::call_order::Function;
 use super::error::{Outcome, Reason};
@@ -147,14 +147,9 @@ impl<M: Model> Instance<M> {
         read: impl FnOnce(&mut Common<M>, &[u32], &mut [T]) -> Outcome<()>,
     ) -> Outcome<()> {
         let elements = elements(&self.table(), all, some, references);
-        let mut apart = Vec::new();
         if asked.groups {
-            let target = if asked.others {
-                apart.resize(elements.len(), T::default());
-                &mut apart[..]
-            } else {
-                &mut *values
-            };
+            // Not more than there is room for: what stands beside the model is in `values` too.
+            let target = values.get_mut(..elements.len()).unwrap_or_default();
             // Sizes do not change here, so that value references stay what they are.
             if asked.outputs {
                 self.on_built(|inner| read(inner, elements, target))?;
@@ -163,29 +158,29 @@ impl<M: Model> Instance<M> {
             }
         }
         if asked.others {
-            self.distribute(references, &apart, values);
+            self.distribute(references, elements.len(), values);
         }
         Ok(())
     }
 
-    /// Puts together what was read from the model and what stands beside it.
-    fn distribute<T: Element>(&self, references: &[u32], read: &[T], values: &mut [T]) {
-        let (table, mut read, mut values) = (self.table(), read, values);
-        for variable in references.iter().filter_map(|reference| table.get(*reference)) {
-            let Some((places, rest)) = std::mem::take(&mut values).split_at_mut_checked(variable.len())
-            else {
-                return;
-            };
+    /// Puts the `read` values of the model, which stand in front, where they belong, and what stands beside it between
+    /// them: from the back on, so that none is overwritten before it has moved.
+    fn distribute<T: Element>(&self, references: &[u32], mut read: usize, values: &mut [T]) {
+        let (table, mut end) = (self.table(), values.len());
+        for variable in references.iter().rev().filter_map(|reference| table.get(*reference)) {
+            let Some(begin) = end.checked_sub(variable.len()) else { return };
+            if let Variable::Group(..) = variable {
+                let Some(from) = read.checked_sub(variable.len()).filter(|_| read <= end) else { return };
+                values.copy_within(from..read, begin);
+                (read, end) = (from, begin);
+                continue;
+            }
+            let places = values.get_mut(begin..end).unwrap_or_default();
+            end = begin;
             match variable {
-                Variable::Group(..) => {
-                    let Some((found, left)) = read.split_at_checked(places.len()) else { return };
-                    places.copy_from_slice(found);
-                    read = left;
-                }
-                Variable::Time => places.iter_mut().for_each(|place| *place = T::of_real(self.time_s())),
-                Variable::Size(_, size) => {
-                    places.iter_mut().for_each(|place| *place = T::of_number(size.value));
-                }
+                Variable::Group(..) => {}
+                Variable::Time => places.fill(T::of_real(self.time_s())),
+                Variable::Size(_, size) => places.fill(T::of_number(size.value)),
                 Variable::Array(_, array) => match &array.values {
                     Values::UInt64(found) => {
                         places.iter_mut().zip(found).for_each(|(place, value)| *place = T::of_number(*value));
@@ -195,7 +190,6 @@ impl<M: Model> Instance<M> {
                     }
                 },
             }
-            values = rest;
         }
     }
 
