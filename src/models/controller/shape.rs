@@ -63,7 +63,7 @@ pub fn shape(n: usize) -> Shape {
 pub fn configured(file: &Config, shape: &Shape) -> Result<Config, ModelError> {
     let n = shape.size("n").and_then(|n| usize::try_from(n).ok()).unwrap_or(file.agents());
     let config = file.sized(n);
-    let (edges, pins) = (edges(shape)?, pins(shape));
+    let (edges, pins) = (edges(shape)?, pins(shape)?);
     match (edges.is_empty(), pins.is_empty()) {
         (true, true) => Ok(config),
         (true, false) if n > 1 && n == file.agents() => {
@@ -116,12 +116,18 @@ fn edges(shape: &Shape) -> Result<Vec<ExplicitEdge>, ModelError> {
     Ok(edges)
 }
 
-fn pins(shape: &Shape) -> Vec<ExplicitPin> {
-    let weights = (1..).zip(shape.reals("pin_weight"));
-    weights
-        .filter(|(_, weight)| **weight >= Range::SMALLEST)
-        .map(|(agent, weight)| ExplicitPin { agent, weight: *weight })
-        .collect()
+/// Those whose weight is not 0.
+fn pins(shape: &Shape) -> Result<Vec<ExplicitPin>, ModelError> {
+    let weights = (1..).zip(shape.reals("pin_weight")).filter(|(_, weight)| **weight > 0.0);
+    let pin = |(agent, &weight): (u32, &f64)| {
+        if weight < Range::SMALLEST {
+            let text =
+                format!("pin_weight[{agent}]: found {weight}, expected 0 or at least {}", Range::SMALLEST);
+            return Err(ModelError::new(text));
+        }
+        Ok(ExplicitPin { agent, weight })
+    };
+    weights.map(pin).collect()
 }
 
 /// Problems of the graph by the names of the arrays.
