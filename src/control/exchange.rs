@@ -134,7 +134,7 @@ impl<S: Scalar> Exchange<'_, S> {
 /// together, those that ended and still fade among them.
 pub fn ramp(network: &Network, limits: &LimitTable, ended: &[u32], ends: [usize; 2]) -> f64 {
     let (peers, ended) = (network.peers_of(ends), network.ended_of(ends, ended));
-    let [a, b] = [0, 1].map(|k| limits.P_set_rate[ends[k]] / f64::from(peers[k] + ended[k]));
+    let [a, b] = [0, 1].map(|k| limits.P_set_rate[ends[k]] / (f64::from(peers[k]) + f64::from(ended[k])));
     a.min(b)
 }
 
