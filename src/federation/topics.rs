@@ -44,17 +44,22 @@ pub fn topics(
     connections: &[Connection],
     (form, plant): (Form, &str),
 ) -> Vec<Topic> {
-    let mut topics: BTreeMap<(String, String, String, usize), Topic> = BTreeMap::new();
+    let mut topics: BTreeMap<(String, String, String, usize, String), Topic> = BTreeMap::new();
     let between = connections.iter().filter(|c| c.from.participant != c.to.participant);
     for connection in between {
         let (from, to) = (&connection.from.participant, &connection.to.participant);
         let variable = &connection.from.variable;
         let form = if from == plant || to == plant { form } else { Form::Packed };
-        let array = variable.split('[').next().unwrap_or(variable);
+        let array = array_of(variable);
+        let array = array.as_str();
         let quantity = if form == Form::Packed { ALL } else { array };
         let path = path_of(variable);
-        let order = if form == Form::Doubles { index_of(variable) } else { 0 };
-        let key = (from.clone(), to.clone(), quantity.to_owned(), order);
+        // Elements by their numbers; what else has brackets, `inverter[2].P`, by its name.
+        let (order, own) = match form {
+            Form::Doubles => (index_of(variable), variable.clone()),
+            Form::Vectors | Form::Packed => (0, String::new()),
+        };
+        let key = (from.clone(), to.clone(), quantity.to_owned(), order, own);
         let topic = topics.entry(key).or_insert_with(|| {
             let declared = participants.iter().filter(|p| p.name() == from).flat_map(|p| p.variables());
             let unit = declared.into_iter().find(|v| v.name == *variable).and_then(|v| v.unit.clone());
@@ -139,6 +144,18 @@ fn path_of(variable: &str) -> String {
     parts.collect::<Vec<_>>().join("/")
 }
 
+/// `P` of `P[3]`, `inverter.P` of `inverter[2].P`.
+fn array_of(variable: &str) -> String {
+    let mut depth = 0;
+    let is_outside = |letter: &char| {
+        depth += i32::from(*letter == '[');
+        let is_outside = depth == 0;
+        depth -= i32::from(*letter == ']');
+        is_outside
+    };
+    variable.chars().filter(is_outside).collect()
+}
+
 fn index_of(variable: &str) -> usize {
     let index = variable.split_once('[').and_then(|(_, rest)| rest.strip_suffix(']'));
     index.and_then(|text| text.parse().ok()).unwrap_or(0)
@@ -174,6 +191,36 @@ mod tests {
         let found = topics(&[], &connections, (Form::Packed, "grid"));
         let names: Vec<&str> = found.iter().map(|topic| topic.publication.as_str()).collect();
         assert_eq!(names, ["cluster1/grid/all", "grid/cluster1/all", "grid/cluster2/all"]);
+    }
+
+    #[test]
+    fn elements_of_other_names_stay_apart() {
+        let names = ["inverter[1].P", "inverter[2].P", "inverter[1].V", "A[1,2]", "A[2,1]"];
+        let connections: Vec<Connection> = names
+            .iter()
+            .enumerate()
+            .map(|(k, name)| connection(("grid", name), ("controller", &format!("x[{k}]"))))
+            .collect();
+        let found = topics(&[], &connections, (Form::Doubles, "grid"));
+        let told: Vec<(&str, &[String])> =
+            found.iter().map(|topic| (topic.publication.as_str(), &topic.variables[..])).collect();
+        let own = |name: &str| [name.to_owned()];
+        assert_eq!(
+            told,
+            [
+                ("grid/A/1/2", &own("A[1,2]")[..]),
+                ("grid/A/2/1", &own("A[2,1]")),
+                ("grid/inverter/1/P", &own("inverter[1].P")),
+                ("grid/inverter/2/P", &own("inverter[2].P")),
+                ("grid/inverter/1/V", &own("inverter[1].V")),
+            ]
+        );
+        let found = topics(&[], &connections, (Form::Vectors, "grid"));
+        let told: Vec<(&str, usize)> =
+            found.iter().map(|topic| (topic.publication.as_str(), topic.variables.len())).collect();
+        let prefix = "grid/controller";
+        let expected = ["A", "inverter.P", "inverter.V"].map(|array| format!("{prefix}/{array}"));
+        assert_eq!(told, expected.iter().map(String::as_str).zip([2, 2, 1]).collect::<Vec<_>>());
     }
 
     #[test]
