@@ -6,7 +6,7 @@ use bess_consensus::federation::{Address, Broker, Helics, LATER_NS, Session, Sha
 use std::io::{BufRead, BufReader};
 use std::process::{Command, ExitCode, Stdio};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 const USAGE: &str = "Usage: federation ring FEDERATES STEPS VALUES CORE TURNS
   FEDERATES processes in a ring; in each of STEPS steps each tells the next VALUES numbers and asks for the next time.
@@ -78,6 +78,19 @@ impl Ring {
             member.args([&self.core, &self.turns.to_string()]).stdout(Stdio::piped());
             members.push(member.spawn().map_err(|error| error.to_string())?);
         }
+        // When one dies the others would wait for it for ever.
+        loop {
+            let ended: Result<Vec<_>, _> = members.iter_mut().map(|member| member.try_wait()).collect();
+            let ended = ended.map_err(|error| error.to_string())?;
+            if ended.iter().flatten().any(|status| !status.success()) {
+                members.iter_mut().for_each(|member| drop(member.kill()));
+                return Err("a member of the ring ended early".to_owned());
+            }
+            if ended.iter().all(Option::is_some) {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
         let mut slowest: f64 = 0.0;
         let outputs: Vec<_> = members.iter_mut().filter_map(|member| member.stdout.take()).collect();
         for out in outputs {
@@ -85,15 +98,8 @@ impl Ring {
             let read = BufReader::new(out).read_line(&mut line);
             match (read, line.trim().parse::<f64>()) {
                 (Ok(_), Ok(took_s)) => slowest = slowest.max(took_s),
-                _ => {
-                    // The others would wait for it.
-                    members.iter_mut().for_each(|member| drop(member.kill()));
-                    return Err("a member of the ring ended early".to_owned());
-                }
+                _ => return Err("a member of the ring told no time".to_owned()),
             }
-        }
-        for member in &mut members {
-            member.wait().map_err(|error| error.to_string())?;
         }
         drop(broker);
         println!(
