@@ -142,6 +142,13 @@ impl Checkpoint {
 
     /// Reads the one in this folder, if it belongs to this run.
     pub fn read(folder: &Path, identity: &Identity) -> Result<Self, CheckpointError> {
+        let checkpoint = Self::open(folder)?;
+        checkpoint.check(folder, identity)?;
+        Ok(checkpoint)
+    }
+
+    /// Reads the one in this folder, whatever run it belongs to.
+    pub fn open(folder: &Path) -> Result<Self, CheckpointError> {
         let path = folder.join(CHECKPOINT);
         let bytes = fs::read(&path).map_err(|source| match source.kind() {
             io::ErrorKind::NotFound => CheckpointError::Absent { path: path.clone() },
@@ -154,11 +161,16 @@ impl Checkpoint {
         if Fnv64::of(payload) != u64::from_le_bytes(*hash) {
             return Err(damaged("its checksum does not fit"));
         }
-        let checkpoint: Self =
-            postcard::from_bytes(payload).map_err(|error| damaged(&format!("it cannot be read: {error}")))?;
-        match identity.difference(&checkpoint.identity) {
-            None => Ok(checkpoint),
-            Some((what, found, expected)) => Err(CheckpointError::OtherRun { path, what, found, expected }),
+        postcard::from_bytes(payload).map_err(|error| damaged(&format!("it cannot be read: {error}")))
+    }
+
+    /// Whether it belongs to this run; `folder` is where it was read.
+    pub fn check(&self, folder: &Path, identity: &Identity) -> Result<(), CheckpointError> {
+        match identity.difference(&self.identity) {
+            None => Ok(()),
+            Some((what, found, expected)) => {
+                Err(CheckpointError::OtherRun { path: folder.join(CHECKPOINT), what, found, expected })
+            }
         }
     }
 }

@@ -4,7 +4,9 @@ use super::super::{Failure, print, run::identity};
 use super::watch::Watch;
 use super::{FederateArgs, failed};
 use crate::federation::{Federation, Helics};
-use crate::harness::{Checkpoint, FanOut, Keeping, Memory, Observer, Progress, Recorder, run_from};
+use crate::harness::{
+    Checkpoint, CheckpointError, FanOut, Keeping, Memory, Observer, Progress, Recorder, run_from,
+};
 use crate::scenario::Resolved;
 use miette::IntoDiagnostic;
 use std::sync::Arc;
@@ -26,6 +28,9 @@ pub fn run(
     let folder = args.folder(resolved);
     let address = args.address();
     let watch = if args.child { Some(Watch::start(helics).into_diagnostic()?) } else { None };
+    let failed_read = |error: CheckpointError| super::super::run::failed(&error.into());
+    // Looked at before anybody is taken out of a federation for its sake.
+    let found = if args.resume { Some(Checkpoint::open(&folder).map_err(failed_read)?) } else { None };
     if args.resume {
         federation.bury(helics, name, &address).map_err(failed)?;
     }
@@ -34,14 +39,13 @@ pub fn run(
     let identity = identity(resolved, &participants);
     // Nothing is shown here: the samples are for a checkpoint alone.
     let nothing = || Memory::new(1, |_| false);
-    let (mut kept, found): (Box<dyn Observer>, _) = if args.resume {
-        let found =
-            Checkpoint::read(&folder, &identity).map_err(|error| super::super::run::failed(&error.into()))?;
-        (Box::new(Keeping::resuming(&folder, &found, 1, nothing())), Some(found))
+    let mut kept: Box<dyn Observer> = if let Some(found) = &found {
+        found.check(&folder, &identity).map_err(failed_read)?;
+        Box::new(Keeping::resuming(&folder, found, 1, nothing()))
     } else if let Some(every_ns) = args.checkpoint {
-        (Box::new(Keeping::new(&folder, every_ns, identity, 1, nothing())), None)
+        Box::new(Keeping::new(&folder, every_ns, identity, 1, nothing()))
     } else {
-        (Box::new(Recorder::new(&folder, 1)), None)
+        Box::new(Recorder::new(&folder, 1))
     };
     let is_child = args.child;
     let mut span: Option<(Instant, Instant)> = None;
