@@ -43,6 +43,11 @@ pub enum FederationError {
     )]
     Gone { federate: String, time_s: f64 },
 
+    #[error(
+        "stop_s = {stop_s:?}: HELICS counts time in seconds, as a double, whose nanoseconds are exact to {longest_s:?} s; stop sooner"
+    )]
+    TooLong { stop_s: f64, longest_s: f64 },
+
     #[error("{what}: {source}")]
     Process { what: String, source: std::io::Error },
 }

@@ -13,6 +13,9 @@ use std::cell::Cell;
 use std::rc::Rc;
 use std::sync::Arc;
 
+/// HELICS takes time as a double in seconds; up to here, 52 days, neighbouring ones are less than a nanosecond apart.
+const LONGEST_NS: i64 = 1 << 52;
+
 /// Inputs of a part whose value is whether the agent behind it is there.
 const PRESENCE: &str = "remote_available";
 
@@ -31,6 +34,10 @@ impl Federation {
         let Apart { staged: (participants, plan), whole, columns } = apart;
         if plan.algorithm != Algorithm::Jacobi {
             return Err(FederationError::Algorithm);
+        }
+        if plan.stop_ns > LONGEST_NS {
+            let [stop_s, longest_s] = [plan.stop_ns, LONGEST_NS].map(|ns| ns as f64 / 1e9);
+            return Err(FederationError::TooLong { stop_s, longest_s });
         }
         let topics = topics(&participants, &plan.connections, (form, GRID));
         Ok(Self { participants, plan, topics, whole, columns })
