@@ -1,6 +1,6 @@
 //! The federation as a file for `helics run --path=`, for those who start all their federations that way.
 
-use super::FederateArgs;
+use super::{Core, FederateArgs};
 use crate::federation::Address;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -18,8 +18,16 @@ pub fn document(args: &FederateArgs, name: &str, federates: &[String], folder: &
     } else {
         format!(" --local_interface={}", args.listen)
     };
+    // Federates over shared memory find their broker by its name, which must be that of every run of this file.
+    let (broker_name, place) = match (args.core, &args.broker) {
+        (Core::Ipc, None) => {
+            let fixed = format!("bess_{name}");
+            (fixed.clone(), format!(" --name={fixed} --local_interface={fixed}"))
+        }
+        _ => (args.broker_name(address.port), format!("{port}{listen}")),
+    };
     let broker = format!(
-        "helics_broker -f{} --coretype={} --dynamic --loglevel=error{port}{listen}",
+        "helics_broker -f{} --coretype={} --dynamic --loglevel=error{place}",
         federates.len() + args.without.len(),
         address.core
     );
@@ -27,10 +35,14 @@ pub fn document(args: &FederateArgs, name: &str, federates: &[String], folder: &
         std::env::current_exe().map_or_else(|_| "bess".to_owned(), |path| path.display().to_string());
     let entry =
         |name: &str, exec: String| json!({"name": name, "directory": ".", "host": "localhost", "exec": exec});
-    let mut entries = vec![entry("broker", broker)];
+    // A broker that is named is somebody's already.
+    let mut entries = Vec::new();
+    if args.broker.is_none() {
+        entries.push(entry("broker", broker));
+    }
     for federate in federates {
         let mut words = vec![program.clone()];
-        words.extend(args.member(federate, &args.broker_name(address.port), folder));
+        words.extend(args.member(federate, &broker_name, folder));
         entries.push(entry(federate, words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")));
     }
     json!({"name": name, "federates": entries})

@@ -24,6 +24,19 @@ pub struct Remains<'a> {
     pub took: Duration,
 }
 
+/// Removes the trajectories that an earlier run has left, so that none of them is taken for one of this run.
+pub fn clear(folder: &Path, names: &[String]) -> Result<(), Failure> {
+    for path in names.iter().flat_map(|name| [WHOLE, PART].map(|file| folder.join(name).join(file))) {
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                return Err(error).into_diagnostic().wrap_err_with(|| path.display().to_string())?;
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
 /// Writes trajectory, summary and report, and says how it went.
 pub fn conclude(
     args: &FederateArgs,
@@ -44,7 +57,8 @@ pub fn conclude(
         None => early.collect(),
     };
     // Who died may have come back, by whomever it was started.
-    let is_back = |name: &str| remains.folder.join(name).join(WHOLE).is_file();
+    let dir = |name: &str| remains.folder.join(name);
+    let is_back = |name: &str| dir(name).join(WHOLE).is_file() && !dir(name).join(PART).is_file();
     let lost = ended.died.iter().any(|(name, _)| !is_back(name));
     if !merged.times_ns.is_empty() {
         let experiment = Experiment {

@@ -51,10 +51,9 @@ impl Core {
 }
 
 /// What is a federate beside the grid.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Parts {
     /// The controller of each cluster: cluster1, cluster2, ...
-    #[default]
     Clusters,
     /// The controller of each battery: agent1, agent2, ...
     Agents,
@@ -104,10 +103,10 @@ pub struct FederateArgs {
     #[arg(long, value_enum, default_value_t)]
     core: Core,
     /// Address on which the broker that is started listens, so that federates on other machines reach it
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1")]
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1", conflicts_with_all = ["federate", "broker"])]
     listen: String,
     /// Port of the broker that is started [default: a free one]
-    #[arg(long, value_name = "PORT")]
+    #[arg(long, value_name = "PORT", conflicts_with_all = ["federate", "broker"])]
     port: Option<u16>,
     /// Leave a federate to somebody else (repeatable)
     #[arg(long, value_name = "NAME", conflicts_with = "federate")]
@@ -115,10 +114,10 @@ pub struct FederateArgs {
     /// How the values between grid and controllers are published
     #[arg(long, value_enum, default_value_t)]
     publish: Publish,
-    /// What is a federate beside the grid
-    #[arg(long, value_enum, default_value_t)]
-    parts: Parts,
-    /// FMU in the controller's place, in one part [default: control.fmu, or the built-in model]
+    /// What is a federate beside the grid [default: clusters, or whole with an FMU in the controller's place]
+    #[arg(long, value_enum, conflicts_with = "controller")]
+    parts: Option<Parts>,
+    /// FMU in the controller's place, a federate as a whole [default: control.fmu, or the built-in model]
     #[arg(long, value_name = "FMU")]
     controller: Option<PathBuf>,
     /// FMU in the grid's place [default: grid.fmu, or the built-in model]
@@ -187,14 +186,13 @@ impl FederateArgs {
     fn federation(&self, resolved: &Resolved) -> Result<Federation, Failure> {
         let named = Cast::of(resolved);
         let of = |fmu: &Option<PathBuf>, named: Origin| fmu.clone().map_or(named, Origin::Fmu);
-        let cast =
-            Cast { controller: of(&self.controller, named.controller), grid: of(&self.grid, named.grid) };
-        // Somebody else's controller is in one part.
-        let cut = match (self.parts, &cast.controller) {
-            (Parts::Whole, _) | (_, Origin::Fmu(_)) => None,
-            (Parts::Clusters, _) => Some(Cut::Clusters),
-            (Parts::Agents, _) => Some(Cut::Agents),
+        // Somebody else's controller is in one part; who asks for parts has our own.
+        let (controller, cut) = match (self.parts, of(&self.controller, named.controller)) {
+            (Some(Parts::Whole), controller) | (None, controller @ Origin::Fmu(_)) => (controller, None),
+            (None | Some(Parts::Clusters), _) => (Origin::InProcess, Some(Cut::Clusters)),
+            (Some(Parts::Agents), _) => (Origin::InProcess, Some(Cut::Agents)),
         };
+        let cast = Cast { controller, grid: of(&self.grid, named.grid) };
         let apart = stage_apart(resolved, &cast, cut).map_err(|error| super::run::failed(&error))?;
         let form = match self.publish {
             Publish::Vectors => Form::Vectors,
@@ -248,7 +246,10 @@ fn parse_host(text: &str) -> Result<(String, Option<u16>), String> {
 /// What the user gave ends with code 2, everything else with 1.
 fn failed(error: FederationError) -> Failure {
     let code = match error {
-        FederationError::Unknown { .. } | FederationError::Algorithm | FederationError::Name { .. } => 2,
+        FederationError::Unknown { .. }
+        | FederationError::Algorithm
+        | FederationError::Name { .. }
+        | FederationError::TooLong { .. } => 2,
         _ => 1,
     };
     Failure { report: miette::miette!("{error}"), code }
@@ -280,6 +281,9 @@ mod tests {
         ];
         for (text, (host, port)) in table {
             assert_eq!(parse_host(text), Ok((host.to_owned(), port)), "{text}");
+        }
+        for (host, port) in [("10.0.0.5", 1), ("::1", 23404), ("broker.lab", 65535)] {
+            assert_eq!(parse_host(&runner::named(host, port)), Ok((host.to_owned(), Some(port))));
         }
         for text in ["", ":1", "a:0", "a:b", "a:70000"] {
             assert!(parse_host(text).is_err(), "{text}");

@@ -54,6 +54,7 @@ pub fn run(args: &FederateArgs, resolved: &Resolved, federation: &Federation) ->
     if !args.without.is_empty() {
         eprintln!("waiting for {} at {broker_name}", args.without.join(", "));
     }
+    merge::clear(&folder, &names)?;
     for name in &names {
         let words = args.member(name, &broker_name, &folder);
         let child = watched.spawn(name, &words, watched.children.len())?;
@@ -198,7 +199,7 @@ impl Watched<'_> {
                     continue;
                 }
                 // Who ended by itself has left the federation properly.
-                if status.code().is_some() || last_call.is_some() {
+                if cfg!(unix) && status.code().is_some() || last_call.is_some() {
                     continue;
                 }
                 if name == GRID {
@@ -216,7 +217,7 @@ impl Watched<'_> {
                         command.join(" ")
                     );
                 });
-                self.bury(&name, broker_name, folder)?;
+                self.bury(k, &name, broker_name, folder)?;
             }
             if known.iter().all(|known| *known) {
                 break;
@@ -245,10 +246,10 @@ impl Watched<'_> {
     }
 
     /// Takes a dead federate out, in a process of its own: HELICS may do what it likes there.
-    fn bury(&self, name: &str, broker_name: &str, folder: &Path) -> Result<(), Failure> {
+    fn bury(&self, number: usize, name: &str, broker_name: &str, folder: &Path) -> Result<(), Failure> {
         let mut words = self.args.member(name, broker_name, folder);
         words.push("--bury".into());
-        let mut child = self.spawn(name, &words, usize::MAX)?;
+        let mut child = self.spawn(name, &words, number)?;
         if !child.end(FUNERAL).is_some_and(|status| status.success()) {
             eprintln!("{name} could not be taken out of the federation: the others may wait for it for ever");
         }
@@ -288,8 +289,8 @@ impl FederateArgs {
         match (&self.broker, self.core) {
             (Some((host, _)), Core::Ipc) => host.clone(),
             (None, Core::Ipc) => format!("bess{}", std::process::id()),
-            (Some((host, given)), _) => format!("{host}:{}", given.unwrap_or(port)),
-            (None, _) => format!("{}:{port}", self.listen),
+            (Some((host, given)), _) => named(host, given.unwrap_or(port)),
+            (None, _) => named(&self.listen, port),
         }
     }
 
@@ -313,13 +314,17 @@ impl FederateArgs {
         if let Some(every_ns) = self.checkpoint {
             option("--checkpoint", format!("{}s", every_ns as f64 / 1e9));
         }
-        for (option, value) in
-            [("--publish", self.publish.to_possible_value()), ("--parts", self.parts.to_possible_value())]
-        {
+        let parts = self.parts.and_then(|parts| parts.to_possible_value());
+        for (option, value) in [("--publish", self.publish.to_possible_value()), ("--parts", parts)] {
             words.extend(value.map(|value| format!("{option}={}", value.get_name())));
         }
         words
     }
+}
+
+/// As `--broker` reads it: the colons of an IPv6 address are none before a port.
+pub(super) fn named(host: &str, port: u16) -> String {
+    if host.contains(':') { format!("[{host}]:{port}") } else { format!("{host}:{port}") }
 }
 
 fn how(status: ExitStatus) -> String {
