@@ -1,6 +1,7 @@
 //! Federates of HELICS: a scenario's participants as processes, perhaps on several machines. Binds libhelics at run time,
 //! and makes of all other federates one participant of an ordinary run, so that the master, the recorder and the
-//! checkpoints of the harness are those of one process. Knows no physics, prints nothing, starts no process.
+//! checkpoints of the harness are those of one process. Knows no physics, and of our own models the names of three inputs (`enable`, `available`,
+//! `remote_available`); prints nothing, starts no process.
 
 mod address;
 mod broker;
