@@ -47,8 +47,12 @@ fn of<'a>(memory: &'a Memory, participant: &str, quantity: &str, i: usize) -> &'
 #[test]
 fn the_papers_cases_in_parts_are_the_whole_controller_with_late_links() {
     let average = [("control.voltage_policy", json!("average"))];
+    // Both ends of a link have to know them.
+    let smaller = json!({ "controller.capacity[3]": 0.2, "controller.P_exchange_max[5]": 0.05 });
+    let smaller = [("stop_s", json!(40)), ("initial", smaller)];
     for (name, set) in [
         ("case1", &[][..]),
+        ("case1", &smaller),
         ("case2", &[]),
         ("case3", &[("stop_s", json!(40))]),
         ("case4", &[]),

@@ -134,14 +134,6 @@ impl Parted {
         self.boolean.write(&mut self.parts, |part, references, values| part.set_boolean(references, values))
     }
 
-    fn places(&self, function: &'static str, reference: u32) -> Result<&[(usize, u32)], CallError> {
-        let places = self.places.get((reference as usize).wrapping_sub(1));
-        places.map(Vec::as_slice).ok_or_else(|| {
-            let expected = format!("1 to {}", self.places.len());
-            CallError::new(function, format!("value reference: found {reference}, expected {expected}"))
-        })
-    }
-
     /// The largest of what the parts say.
     fn get<T: Copy + PartialOrd + Default>(
         &mut self,
@@ -149,11 +141,12 @@ impl Parted {
         (references, values): (&[u32], &mut [T]),
         get: Get<T>,
     ) -> Result<(), CallError> {
+        let Self { places, parts, .. } = self;
         for (&reference, value) in references.iter().zip(values) {
             let mut found: Option<T> = None;
-            for (part, at) in self.places(function, reference)?.to_vec() {
+            for &(part, at) in places_of(places, function, reference)? {
                 let mut one = [T::default()];
-                get(self.parts[part].as_mut(), &[at], &mut one)?;
+                get(parts[part].as_mut(), &[at], &mut one)?;
                 found = Some(found.map_or(one[0], |found| if one[0] > found { one[0] } else { found }));
             }
             *value = found.unwrap_or_default();
@@ -167,9 +160,10 @@ impl Parted {
         (references, values): (&[u32], &[T]),
         set: Set<T>,
     ) -> Result<(), CallError> {
+        let Self { places, parts, .. } = self;
         for (&reference, &value) in references.iter().zip(values) {
-            for (part, at) in self.places(function, reference)?.to_vec() {
-                set(self.parts[part].as_mut(), &[at], &[value])?;
+            for &(part, at) in places_of(places, function, reference)? {
+                set(parts[part].as_mut(), &[at], &[value])?;
             }
         }
         Ok(())
@@ -182,11 +176,25 @@ impl Parted {
         self.parts.iter_mut().try_for_each(|part| call(part.as_mut()))
     }
 
-    fn keep(&mut self, states: Vec<StateHandle>) -> StateHandle {
+    /// Keeps a state of every part as one; of a part that refuses, those of the parts before it are let go.
+    fn keep(
+        &mut self,
+        mut of: impl FnMut(usize, &mut dyn Participant) -> Result<StateHandle, CallError>,
+    ) -> Result<StateHandle, CallError> {
+        let mut states = Vec::with_capacity(self.parts.len());
+        for k in 0..self.parts.len() {
+            match of(k, self.parts[k].as_mut()) {
+                Ok(state) => states.push(state),
+                Err(error) => {
+                    self.parts.iter_mut().zip(states).for_each(|(part, state)| part.forget_state(state));
+                    return Err(error);
+                }
+            }
+        }
         let handle = self.next_state;
         self.next_state += 1;
         self.states.insert(handle, states);
-        StateHandle(handle)
+        Ok(StateHandle(handle))
     }
 
     fn kept(&self, function: &'static str, state: StateHandle) -> Result<Vec<StateHandle>, CallError> {
@@ -264,13 +272,20 @@ impl Participant for Parted {
     }
 
     fn save_state(&mut self) -> Result<StateHandle, CallError> {
-        let states = self.parts.iter_mut().map(|part| part.save_state()).collect::<Result<_, _>>()?;
-        Ok(self.keep(states))
+        self.keep(|_, part| part.save_state())
     }
 
     fn restore_state(&mut self, state: StateHandle) -> Result<(), CallError> {
         let states = self.kept("fmi2SetFMUstate", state)?;
-        self.parts.iter_mut().zip(states).try_for_each(|(part, state)| part.restore_state(state))
+        let before = self.save_state()?;
+        let done = self.parts.iter_mut().zip(states).try_for_each(|(part, state)| part.restore_state(state));
+        if done.is_err() {
+            // All parts or none: those before the one that refuses go back.
+            let states = self.kept("fmi2SetFMUstate", before)?;
+            self.parts.iter_mut().zip(states).for_each(|(part, state)| drop(part.restore_state(state)));
+        }
+        self.forget_state(before);
+        done
     }
 
     fn forget_state(&mut self, state: StateHandle) {
@@ -292,9 +307,7 @@ impl Participant for Parted {
         if all.len() != self.parts.len() {
             return Err(refused(format!("states of {} parts, expected {}", all.len(), self.parts.len())));
         }
-        let states = self.parts.iter_mut().zip(&all).map(|(part, bytes)| part.deserialise_state(bytes));
-        let states = states.collect::<Result<_, _>>()?;
-        Ok(self.keep(states))
+        self.keep(|k, part| part.deserialise_state(&all[k]))
     }
 
     fn take_warnings(&mut self) -> Vec<String> {
@@ -306,6 +319,19 @@ impl Participant for Parted {
             })
             .collect()
     }
+}
+
+/// Where the variable of this reference is.
+fn places_of<'a>(
+    places: &'a [Vec<(usize, u32)>],
+    function: &'static str,
+    reference: u32,
+) -> Result<&'a [(usize, u32)], CallError> {
+    let found = places.get((reference as usize).wrapping_sub(1));
+    found.map(Vec::as_slice).ok_or_else(|| {
+        let expected = format!("1 to {}", places.len());
+        CallError::new(function, format!("value reference: found {reference}, expected {expected}"))
+    })
 }
 
 #[cfg(test)]

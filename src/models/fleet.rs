@@ -10,6 +10,9 @@ use crate::fmi::lookup::Registry;
 use crate::fmi::{Interface, ModelError};
 use crate::models::Controller;
 
+/// What a part knows of its neighbours outside beside their messages: `remote_capacity`, `remote_P_exchange_max`.
+const AGREED_ON: [&str; 2] = ["capacity", "P_exchange_max"];
+
 /// All parts of a fleet, the first first.
 #[derive(Clone, Debug)]
 pub struct Fleet {
@@ -104,15 +107,25 @@ impl Fleet {
     }
 
     /// Where a variable of the whole controller is: `P[5]` in one part under another number, `enable` in all
-    /// under its own name. Parts count from 0.
+    /// under its own name, and what both ends of a link have to know of an agent also with its neighbours. Nowhere if
+    /// only the whole fleet has it. Parts count from 0.
     pub fn places(&self, variable: &str) -> Vec<(usize, String)> {
         let Some((quantity, agent)) = variable.strip_suffix(']').and_then(|v| v.split_once('[')) else {
-            return (0..self.parts.len()).map(|part| (part, variable.to_owned())).collect();
+            // The largest difference in sight of one part or another is not the largest of all.
+            let has_it = !variable.starts_with("spread_") || self.parts.len() == 1;
+            return (0..self.parts.len())
+                .filter(|_| has_it)
+                .map(|part| (part, variable.to_owned()))
+                .collect();
         };
         let Ok(agent) = agent.parse::<u32>() else { return Vec::new() };
+        let is_agreed_on = AGREED_ON.contains(&quantity);
         let of = |(part, member): (usize, &Member)| {
-            let place = member.own.binary_search(&agent).ok()?;
-            Some((part, format!("{quantity}[{}]", place + 1)))
+            let here =
+                member.own.binary_search(&agent).ok().map(|place| format!("{quantity}[{}]", place + 1));
+            let outside = member.outside.iter().position(|outside| outside.agent == agent);
+            let there = || outside.map(|slot| format!("remote_{quantity}[{}]", slot + 1));
+            Some((part, here.or_else(|| there().filter(|_| is_agreed_on))?))
         };
         self.parts.iter().enumerate().filter_map(of).collect()
     }
