@@ -14,6 +14,8 @@ use std::fmt::Write as _;
 pub struct Papers {
     title: &'static str,
     prose: &'static str,
+    /// Where the prose begins to say how to start, in FMI 3.0.
+    start_3: &'static str,
     /// The drawing, as SVG and rendered.
     drawing: &'static str,
     icon: &'static [u8],
@@ -26,6 +28,7 @@ pub struct Papers {
 pub const CONTROLLER: Papers = Papers {
     title: "Finite-time consensus controller for battery storage",
     prose: include_str!("documentation/controller.html"),
+    start_3: include_str!("documentation/controller_start_3.html"),
     drawing: include_str!("icons/BessConsensus.svg"),
     icon: include_bytes!("icons/BessConsensus.png"),
     third_party: include_str!("licenses/BessConsensus.txt"),
@@ -36,6 +39,7 @@ pub const CONTROLLER: Papers = Papers {
 pub const GRID: Papers = Papers {
     title: "Power network with droop-controlled battery inverters",
     prose: include_str!("documentation/grid.html"),
+    start_3: include_str!("documentation/grid_start_3.html"),
     drawing: include_str!("icons/BessGrid.svg"),
     icon: include_bytes!("icons/BessGrid.png"),
     third_party: include_str!("licenses/BessGrid.txt"),

@@ -1,7 +1,7 @@
 //! What an FMU of FMI 3.0 carries for people: the same page with arrays in the place of elements, the same licences, the
 //! icon where FMI 3.0 looks for it.
 
-use super::{CONTROLLER, Entries, Papers, escaped, filled, foot, head, licences, table};
+use super::{Entries, Papers, escaped, filled, foot, head, licences, table};
 use crate::fmi::{Interface, Model, Registry, Shape, Values};
 use crate::package::PackageError;
 use std::fmt::Write as _;
@@ -22,12 +22,8 @@ fn page<M: Model>(model: &M, papers: &Papers) -> Result<String, PackageError> {
     let interface = Interface::Structured;
     let registry = Registry::new(model, interface)?;
     let mut html = head(M::IDENTIFIER, papers, "3.0");
-    let start = if papers.title == CONTROLLER.title {
-        include_str!("controller_start_3.html")
-    } else {
-        include_str!("grid_start_3.html")
-    };
-    let prose = filled(&with_start(papers.prose, start), M::IDENTIFIER, &registry, interface);
+    let prose = with_start(papers.prose, papers.start_3);
+    let prose = filled(&prose, M::IDENTIFIER, &registry, interface);
     html.push_str(&prose);
     let shape = model.shape();
     let count = 1 + registry.groups().len() + shape.sizes.len() + shape.arrays.len();
