@@ -45,18 +45,15 @@ impl Outer {
     pub fn are_available(&self, a: usize, b: usize) -> bool {
         self.available[a] && self.available[b]
     }
-}
 
-impl Outer {
-    /// The same for an edge.
+    /// Whether an edge leads to another part.
     pub fn crosses_edge(&self, edge: &Edge) -> bool {
         self.crosses(edge.a as usize, edge.b as usize)
     }
 }
 
 impl Network {
-    /// The same between the agents of one part and their neighbours in others. Gives the links between them the
-    /// shares that both ends agree on.
+    /// Takes over what is known of the links to other parts, and gives those links the shares that both ends agree on.
     pub fn set_outer(&mut self, outer: Outer) {
         for (e, edge) in self.graph.edges().iter().enumerate().filter(|(_, edge)| outer.crosses_edge(edge)) {
             let [a, b] = [edge.a as usize, edge.b as usize];
@@ -78,7 +75,8 @@ impl Network {
         self.outer.as_ref().is_some_and(|outer| outer.crosses(a as usize, b as usize))
     }
 
-    /// Whether it does, and nothing moves over it.
+    /// Whether a link between these two leads to another part and nothing moves over it, because one end acts and the
+    /// other does not.
     pub fn is_closed(&self, a: usize, b: usize) -> bool {
         self.outer.as_ref().is_some_and(|outer| outer.is_closed(a, b))
     }

@@ -21,7 +21,7 @@ pub struct Part {
     pub fleet: u32,
     /// Number in the fleet, from 1, of each agent here.
     pub agents: Vec<u32>,
-    /// The neighbours outside, by ascending number: those of all topologies.
+    /// The neighbours outside in the order of `remote_p[1]`, `remote_p[2]`, ...: by ascending number, of all topologies.
     pub outside: Vec<Outside>,
     /// Least time between a sample and its arrival in another part, s, > 0: the communication step.
     pub step_s: f64,
@@ -62,11 +62,6 @@ impl Part {
     /// Whether a number is that of a neighbour outside.
     pub fn is_outside(&self, agent: u32) -> bool {
         self.outside.binary_search_by_key(&agent, |outside| outside.agent).is_ok()
-    }
-
-    /// The neighbours outside in the order of `remote_p[1]`, `remote_p[2]`, ...
-    pub fn outside(&self) -> &[Outside] {
-        &self.outside
     }
 
     /// Its own agents with neighbours outside, numbers in the fleet from 1, in the order of `local_p[1]`,

@@ -84,7 +84,14 @@ pub fn split(config: &Config, part_of: &[u32], step_s: f64) -> Result<Vec<Config
     let graphs = written(config);
     let fleet: Vec<Whole> = graphs.iter().map(|topology| Whole::new(n, topology)).collect();
     let parts = known.len() as u32;
-    Ok(known.iter().map(|&number| one(config, (&graphs, &fleet), part_of, (number, parts), step_s)).collect())
+    // What each part has its own of is not copied for each: of a graph made step by step all distances.
+    let shared = Config {
+        communication: Communication::Explicit(Explicit { topologies: Vec::new() }),
+        message_faults: Vec::new(),
+        ..config.clone()
+    };
+    let of = |&number: &u32| one((config, &shared), (&graphs, &fleet), part_of, (number, parts), step_s);
+    Ok(known.iter().map(of).collect())
 }
 
 /// The graphs of a validated configuration, written out, with everybody available.
@@ -152,9 +159,9 @@ impl Whole {
     }
 }
 
-/// The configuration of part `number`.
+/// The configuration of part `number`; `shared` is what all have alike.
 fn one(
-    config: &Config,
+    (config, shared): (&Config, &Config),
     (graphs, fleet): (&[ExplicitTopology], &[Whole]),
     part_of: &[u32],
     (number, parts): (u32, u32),
@@ -238,6 +245,6 @@ fn one(
         },
         message_faults: faults.collect(),
         part: Some(part),
-        ..config.clone()
+        ..shared.clone()
     }
 }
