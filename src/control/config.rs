@@ -85,6 +85,53 @@ pub struct Config {
     pub part: Option<Part>,
 }
 
+impl Config {
+    /// All values that stand by agent, each as long as there are agents: what has to move when agents do.
+    pub(super) fn by_agent(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
+        // Whole, so that no field that comes is forgotten here.
+        let Self {
+            K_P,
+            K_Q,
+            capacity,
+            P_exchange_max,
+            omega_set_start,
+            V_set_start,
+            eta: _,
+            gains: _,
+            delay_s: _,
+            theta_min_s: _,
+            theta_E_s: _,
+            voltage_policy: _,
+            discretisation: _,
+            law: _,
+            communication: _,
+            limits,
+            measurement_filter: _,
+            no_circulation: _,
+            lost_link_fade_s: _,
+            exchange_fade_s: _,
+            channel: _,
+            silence_s: _,
+            outlier_filter: _,
+            message_faults: _,
+            part: _,
+        } = self;
+        let Limits {
+            P_max,
+            Q_max,
+            S_max,
+            omega_set_rate,
+            V_set_rate,
+            P_set_rate,
+            omega_set_range: _,
+            V_set_range: _,
+            SoC: _,
+        } = limits;
+        let given = [P_max, Q_max, S_max, omega_set_rate, V_set_rate, P_set_rate].into_iter().flatten();
+        [K_P, K_Q, capacity, P_exchange_max, omega_set_start, V_set_start].into_iter().chain(given)
+    }
+}
+
 fn default_eta() -> f64 {
     0.5
 }

@@ -66,30 +66,7 @@ impl Order {
         if self.agent.is_empty() {
             return config;
         }
-        for values in [
-            &mut config.K_P,
-            &mut config.K_Q,
-            &mut config.capacity,
-            &mut config.P_exchange_max,
-            &mut config.omega_set_start,
-            &mut config.V_set_start,
-        ] {
-            *values = self.moved(values);
-        }
-        let limits = &mut config.limits;
-        for values in [
-            &mut limits.P_max,
-            &mut limits.Q_max,
-            &mut limits.S_max,
-            &mut limits.omega_set_rate,
-            &mut limits.V_set_rate,
-            &mut limits.P_set_rate,
-        ]
-        .into_iter()
-        .flatten()
-        {
-            *values = self.moved(values);
-        }
+        config.by_agent().for_each(|values| *values = self.moved(values));
         let number = |agent: u32| self.at((agent as usize).wrapping_sub(1)) as u32 + 1;
         config.message_faults.iter_mut().for_each(|fault| fault.agent = number(fault.agent));
         if let Communication::Explicit(Explicit { topologies }) = &mut config.communication {

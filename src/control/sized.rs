@@ -13,27 +13,7 @@ impl Config {
         if n == self.agents() {
             return sized;
         }
-        for values in [
-            &mut sized.K_P,
-            &mut sized.K_Q,
-            &mut sized.capacity,
-            &mut sized.P_exchange_max,
-            &mut sized.omega_set_start,
-            &mut sized.V_set_start,
-        ] {
-            repeat(values, n);
-        }
-        let limits = &mut sized.limits;
-        for values in [
-            &mut limits.P_max,
-            &mut limits.Q_max,
-            &mut limits.S_max,
-            &mut limits.omega_set_rate,
-            &mut limits.V_set_rate,
-            &mut limits.P_set_rate,
-        ] {
-            values.iter_mut().for_each(|values| repeat(values, n));
-        }
+        sized.by_agent().for_each(|values| repeat(values, n));
         sized.message_faults.retain(|fault| fault.agent as usize <= n);
         sized.with_graph("ring".to_owned(), ring(n), vec![ExplicitPin { agent: 1, weight: 1.0 }])
     }

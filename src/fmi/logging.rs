@@ -179,18 +179,23 @@ struct Callback {
 // importer makes; FMI lets it make its calls from any thread, one at a time.
 unsafe impl Send for Callback {}
 
+/// The message as one line that ends in NUL, in the room of `line`.
+pub(super) fn write_line(line: &mut Vec<u8>, message: fmt::Arguments<'_>) {
+    line.clear();
+    if line.write_fmt(message).is_err() {
+        line.extend_from_slice(b"(a log line that could not be formatted)");
+    }
+    for byte in line.iter_mut() {
+        if matches!(byte, 0 | b'\n' | b'\r') {
+            *byte = b' ';
+        }
+    }
+    line.push(0);
+}
+
 impl Sink for Callback {
     fn write(&mut self, category: Category, message: fmt::Arguments<'_>) {
-        self.line.clear();
-        if self.line.write_fmt(message).is_err() {
-            self.line.extend_from_slice(b"(a log line that could not be formatted)");
-        }
-        for byte in &mut self.line {
-            if matches!(byte, 0 | b'\n' | b'\r') {
-                *byte = b' ';
-            }
-        }
-        self.line.push(0);
+        write_line(&mut self.line, message);
         // SAFETY: the function is the importer's logger, alive as long as the instance (FMI 2.0.1,
         // section 2.1.5); all strings end in NUL, and "%s" takes exactly the one argument given.
         unsafe {

@@ -1,12 +1,11 @@
 //! Log lines on their way to FMI 3.0's `logMessage`. Which lines pass is decided in [`crate::fmi::logging`].
 
-use crate::fmi::logging::{Category, Logger, Sink};
+use crate::fmi::logging::{Category, Logger, Sink, write_line};
 use crate::fmi::three::bindings::{
     fmi3InstanceEnvironment, fmi3LogMessageCallback, fmi3Status, fmi3Status_fmi3Discard,
     fmi3Status_fmi3Error, fmi3Status_fmi3Fatal, fmi3Status_fmi3OK, fmi3Status_fmi3Warning, fmi3String,
 };
 use std::fmt;
-use std::io::Write;
 
 /// The importer's logger.
 struct Callback {
@@ -31,16 +30,7 @@ fn status(category: Category) -> fmi3Status {
 
 impl Sink for Callback {
     fn write(&mut self, category: Category, message: fmt::Arguments<'_>) {
-        self.line.clear();
-        if self.line.write_fmt(message).is_err() {
-            self.line.extend_from_slice(b"(a log line that could not be formatted)");
-        }
-        for byte in &mut self.line {
-            if matches!(byte, 0 | b'\n' | b'\r') {
-                *byte = b' ';
-            }
-        }
-        self.line.push(0);
+        write_line(&mut self.line, message);
         // SAFETY: the function is the importer's logger, alive as long as the instance (FMI 3.0,
         // section 2.3.1); both strings end in NUL.
         unsafe {
