@@ -121,3 +121,16 @@ fn rollback_with_histories_of_scattered_steps_is_the_same_to_the_bit() {
         assert!(bytes(&other) == end, "{name}");
     }
 }
+
+#[test]
+fn a_state_goes_to_no_fmu_of_other_resources_though_its_variables_are_the_same() {
+    let here = controller("case1", &[], Interface::Structured);
+    let mut other = controller("case1", &[("control.exchange_fade_s", "3.0")], Interface::Structured);
+    assert_eq!(here.guid(), other.guid());
+    let (snapshot, before) = (here.snapshot().unwrap(), bytes(&other));
+    let refused = other.restore(&snapshot).unwrap_err().to_string();
+    assert!(refused.contains("made from other resources"), "{refused}");
+    let refused = other.deserialize(&bytes(&here)).err().unwrap().to_string();
+    assert!(refused.contains("made from other resources"), "{refused}");
+    assert!(bytes(&other) == before);
+}

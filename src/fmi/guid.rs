@@ -4,6 +4,7 @@
 use super::lookup::{Interface, Registry, Value};
 use super::model::Model;
 use super::shape::{Shape, Values};
+use serde::Serialize;
 use std::fmt;
 
 /// Raised when the meaning of calls changes without a change in the list of variables.
@@ -69,6 +70,17 @@ impl Guid {
             hash.bytes(&[u8::from(matches!(array.values, Values::UInt64(_)))]);
         }
         Guid(hash.0.to_be_bytes())
+    }
+}
+
+/// Hash of what a model is made from, for [`Model::fingerprint`]; 0 of what cannot be written as bytes.
+pub fn fingerprint<T: Serialize>(of: &T) -> u128 {
+    postcard::to_extend(of, Fnv128::default()).map_or(0, |hash| hash.0)
+}
+
+impl Extend<u8> for Fnv128 {
+    fn extend<I: IntoIterator<Item = u8>>(&mut self, bytes: I) {
+        bytes.into_iter().for_each(|byte| self.bytes(&[byte]));
     }
 }
 

@@ -11,7 +11,7 @@ use super::known::Known;
 use super::logging::{Category, Logger};
 use super::lookup::{Interface, Registry};
 use super::model::{Model, Phase};
-use super::state::{Life, Snapshot};
+use super::state::{Life, Maker, Snapshot};
 use super::time;
 use std::path::Path;
 
@@ -229,18 +229,15 @@ impl<M: Model> Instance<M> {
     /// fmi2GetFMUstate: a deep copy.
     pub fn snapshot(&self) -> Result<Snapshot<M>, Error> {
         self.allow(Function::GetFmuState)?;
-        let (guid, life, ramps) = (self.guid, self.life, self.ramps.clone());
-        Ok(Snapshot { guid, life, ramps, state: self.model.state().clone() })
+        let (maker, life, ramps) = (self.maker(), self.life, self.ramps.clone());
+        Ok(Snapshot { maker, life, ramps, state: self.model.state().clone() })
     }
 
     /// fmi2SetFMUstate: back, or forth, to a snapshot of any instance of this FMU.
     pub fn restore(&mut self, snapshot: &Snapshot<M>) -> Result<(), Error> {
         let function = Function::SetFmuState;
         self.allow(function)?;
-        if snapshot.guid != self.guid {
-            let (found, expected) = (snapshot.guid.to_string(), self.guid.to_string());
-            return Err(Error::format(function)(super::state::FormatError::OtherFmu { found, expected }));
-        }
+        self.maker().check(&snapshot.maker).map_err(Error::format(function))?;
         self.model.set_state(&snapshot.state).map_err(Error::model(function))?;
         self.life = snapshot.life;
         self.ramps.clone_from(&snapshot.ramps);
@@ -256,7 +253,12 @@ impl<M: Model> Instance<M> {
     /// fmi2DeSerializeFMUstate: bytes of any process and instance of this FMU.
     pub fn deserialize(&self, bytes: &[u8]) -> Result<Snapshot<M>, Error> {
         self.allow(Function::DeSerializeFmuState)?;
-        Snapshot::deserialize(bytes, self.guid).map_err(Error::format(Function::DeSerializeFmuState))
+        Snapshot::deserialize(bytes, self.maker()).map_err(Error::format(Function::DeSerializeFmuState))
+    }
+
+    /// Whose states are this instance's.
+    pub(super) fn maker(&self) -> Maker {
+        Maker { guid: self.guid, resources: self.model.fingerprint() }
     }
 
     /// Lets outputs follow what has been set.

@@ -31,7 +31,7 @@ mod values;
 
 pub use call_order::{Function, State};
 pub use error::Error;
-pub use guid::Guid;
+pub use guid::{Guid, fingerprint};
 pub use instance::Instance;
 pub use logging::{Category, Logger, Sink};
 pub use lookup::{Interface, Registry, Type};

@@ -39,6 +39,12 @@ pub trait Model: Clone + Send + 'static {
         String::new()
     }
 
+    /// Hash of all that it was made from, as by [`fingerprint`](super::fingerprint): a model that was made from something else
+    /// does not take its states.
+    fn fingerprint(&self) -> u128 {
+        0
+    }
+
     /// The present state.
     fn state(&self) -> &Self::State;
 

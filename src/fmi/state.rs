@@ -1,7 +1,7 @@
 //! FMU states: deep copies, and bytes that are valid in any process and instance of the same FMU.
 //!
-//! Layout of the bytes, little-endian: magic (8), format version (4), GUID (16), payload length (8),
-//! FNV-1a 64 checksum of all of the foregoing and the payload (8), payload (postcard).
+//! Layout of the bytes, little-endian: magic (8), format version (4), GUID (16), fingerprint of the resources (16),
+//! payload length (8), FNV-1a 64 checksum of all of the foregoing and the payload (8), payload (postcard).
 
 use super::call_order::State;
 use super::derivatives::Ramps;
@@ -10,8 +10,8 @@ use super::model::Model;
 use serde::{Deserialize, Serialize};
 
 const MAGIC: &[u8; 8] = b"FMI2STAT";
-const FORMAT_VERSION: u32 = 2;
-const HEADER: usize = 44;
+const FORMAT_VERSION: u32 = 3;
+const HEADER: usize = 60;
 
 /// What the shell itself keeps about an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,9 +25,31 @@ pub(super) struct Life {
     pub stale: bool,
 }
 
+/// Whose states are each other's: FMUs of one list of variables that were made from the same resources.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Maker {
+    pub guid: Guid,
+    /// [`Model::fingerprint`].
+    pub resources: u128,
+}
+
+impl Maker {
+    /// Refuses what another has made.
+    pub fn check(&self, found: &Maker) -> Result<(), FormatError> {
+        if found.guid != self.guid {
+            let (found, expected) = (found.guid.to_string(), self.guid.to_string());
+            return Err(FormatError::OtherFmu { found, expected });
+        }
+        if found.resources != self.resources {
+            return Err(FormatError::OtherResources);
+        }
+        Ok(())
+    }
+}
+
 /// A deep copy of an instance's state.
 pub struct Snapshot<M: Model> {
-    pub(super) guid: Guid,
+    pub(super) maker: Maker,
     pub(super) life: Life,
     pub(super) ramps: Ramps,
     pub(super) state: M::State,
@@ -35,7 +57,7 @@ pub struct Snapshot<M: Model> {
 
 impl<M: Model> Clone for Snapshot<M> {
     fn clone(&self) -> Self {
-        Self { guid: self.guid, life: self.life, ramps: self.ramps.clone(), state: self.state.clone() }
+        Self { maker: self.maker, life: self.life, ramps: self.ramps.clone(), state: self.state.clone() }
     }
 }
 
@@ -51,6 +73,11 @@ pub enum FormatError {
     Version { found: u32 },
     #[error("serialized state belongs to the FMU with GUID {found}; expected {expected}")]
     OtherFmu { found: String, expected: String },
+    #[error(
+        "state belongs to an FMU that has the same variables and was made from other resources (graph, network, law, limits); \
+         expected one of this FMU"
+    )]
+    OtherResources,
     #[error("serialized state is damaged: its checksum does not fit")]
     Checksum,
     #[error("serialized state cannot be read: {0}")]
@@ -76,8 +103,10 @@ impl<M: Model> Snapshot<M> {
         let (front, checksum_field) = header.split_at_mut(HEADER - 8);
         let body = rest.get_mut(..expected - HEADER).ok_or(FormatError::Room { found, expected })?;
         let body = postcard::to_slice(&(&self.life, &self.ramps, &self.state), body).map_err(payload)?;
-        let fields: [&[u8]; 4] =
-            [MAGIC, &FORMAT_VERSION.to_le_bytes(), &self.guid.0, &(body.len() as u64).to_le_bytes()];
+        let Maker { guid, resources } = self.maker;
+        let length = (body.len() as u64).to_le_bytes();
+        let fields: [&[u8]; 5] =
+            [MAGIC, &FORMAT_VERSION.to_le_bytes(), &guid.0, &resources.to_le_bytes(), &length];
         for (place, byte) in front.iter_mut().zip(fields.into_iter().flatten()) {
             *place = *byte;
         }
@@ -92,8 +121,8 @@ impl<M: Model> Snapshot<M> {
         Ok(bytes)
     }
 
-    /// Reads bytes of the FMU with this GUID, neither fewer nor more than were written.
-    pub(super) fn deserialize(bytes: &[u8], guid: Guid) -> Result<Self, FormatError> {
+    /// Reads bytes of this maker, neither fewer nor more than were written.
+    pub(super) fn deserialize(bytes: &[u8], maker: Maker) -> Result<Self, FormatError> {
         let truncated = |expected| FormatError::Length { found: bytes.len(), expected };
         let (magic, rest) = bytes.split_first_chunk::<8>().ok_or(truncated(HEADER))?;
         if magic != MAGIC {
@@ -105,10 +134,8 @@ impl<M: Model> Snapshot<M> {
             return Err(FormatError::Version { found });
         }
         let (id, rest) = rest.split_first_chunk::<16>().ok_or(truncated(HEADER))?;
-        if *id != guid.0 {
-            let (found, expected) = (Guid(*id).to_string(), guid.to_string());
-            return Err(FormatError::OtherFmu { found, expected });
-        }
+        let (resources, rest) = rest.split_first_chunk::<16>().ok_or(truncated(HEADER))?;
+        maker.check(&Maker { guid: Guid(*id), resources: u128::from_le_bytes(*resources) })?;
         let (length, rest) = rest.split_first_chunk::<8>().ok_or(truncated(HEADER))?;
         let (sum, rest) = rest.split_first_chunk::<8>().ok_or(truncated(HEADER))?;
         let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
@@ -123,7 +150,7 @@ impl<M: Model> Snapshot<M> {
         if !left.is_empty() || life.state == State::Fatal || !ramps.is_finite() {
             return Err(FormatError::Payload("its contents contradict themselves".to_owned()));
         }
-        Ok(Self { guid, life, ramps, state })
+        Ok(Self { maker, life, ramps, state })
     }
 }
 

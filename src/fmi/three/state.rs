@@ -147,8 +147,8 @@ impl<M: Model> Instance<M> {
             Some(values) => Some(self.built.with(values).ok_or_else(contradiction)?),
             None => None,
         };
-        let guid = if shape == self.built { self.inner.guid() } else { self.fresh(&shape)?.guid() };
-        let inner = Common::deserialize(rest, guid).map_err(common)?;
+        let maker = if shape == self.built { self.inner.maker() } else { self.fresh(&shape)?.maker() };
+        let inner = Common::deserialize(rest, maker).map_err(common)?;
         // Other sizes are wanted in configuration mode alone, which is before anything begins.
         let is_possible = match target {
             _ if configuring => inner.life.state == CommonState::Instantiated,

@@ -12,7 +12,7 @@ use crate::control::config::Config;
 use crate::control::order::Order;
 use crate::control::tangent::{Direction, Tangents};
 use crate::control::{Inputs, Outputs, Parameters};
-use crate::fmi::{Along, Group, Log, LogLevel, Model, ModelError, Phase, Plane, Shape, Step};
+use crate::fmi::{Along, Group, Log, LogLevel, Model, ModelError, Phase, Plane, Shape, Step, fingerprint};
 use std::ops::{Deref, DerefMut};
 use std::path::Path;
 use std::sync::Arc;
@@ -21,6 +21,8 @@ use std::sync::Arc;
 #[derive(Clone)]
 pub struct Controller {
     experiment: (f64, f64),
+    /// Of its configuration.
+    fingerprint: u128,
     /// Many agents are numbered anew inside, such that neighbours are close.
     order: Order,
     /// Places of a part's own agents; empty where it is the whole fleet.
@@ -57,11 +59,20 @@ impl Controller {
         // A part keeps its order: sums over its links are then those of the whole fleet, to the last bit.
         let is_part = resource.config.part.is_some();
         let order = if is_part { Order::default() } else { Order::local(&resource.config) };
+        let fingerprint = fingerprint(&resource.config);
         let controller = control::Controller::new(order.renumbered(resource.config)).map_err(refused)?;
         let experiment = (resource.stop_s, resource.step_s);
         let own = if controller.part().is_some() { controller.own_agents() } else { Vec::new() };
         let numbers = controller.part().map_or_else(Vec::new, |part| part.agents.clone());
-        Ok(Self { experiment, order, own, numbers, planes: Planes::new(controller), recipe: None })
+        Ok(Self {
+            experiment,
+            fingerprint,
+            order,
+            own,
+            numbers,
+            planes: Planes::new(controller),
+            recipe: None,
+        })
     }
 
     /// The same, of which others can be made.
@@ -175,6 +186,10 @@ impl Model for Controller {
         let of =
             |part: &control::part::Part| format!("part {} of {}: {:?}", part.number, part.parts, part.agents);
         self.planes.values.part().map_or_else(String::new, of)
+    }
+
+    fn fingerprint(&self) -> u128 {
+        self.fingerprint
     }
 
     fn state(&self) -> &control::State {

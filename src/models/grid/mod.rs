@@ -4,7 +4,7 @@ mod variables;
 
 use super::planes::Planes;
 use super::resource::Resource;
-use crate::fmi::{Along, Group, Log, Model, ModelError, Phase, Plane, Shape, Size, Step};
+use crate::fmi::{Along, Group, Log, Model, ModelError, Phase, Plane, Shape, Size, Step, fingerprint};
 use crate::grid::tangent::{Direction, Tangents};
 use crate::grid::{Config, GridError, GridModel, Inputs, State};
 use std::ops::{Deref, DerefMut};
@@ -14,6 +14,8 @@ use std::path::Path;
 #[derive(Clone)]
 pub struct Grid {
     experiment: (f64, f64),
+    /// Of its configuration.
+    fingerprint: u128,
     planes: Planes<GridModel, Tangents>,
 }
 
@@ -37,7 +39,8 @@ impl Grid {
     /// The model of this configuration, in its start state.
     pub fn new(resource: Resource<Config>) -> Result<Self, ModelError> {
         let grid = GridModel::new(&resource.config).map_err(refused)?;
-        Ok(Self { experiment: (resource.stop_s, resource.step_s), planes: Planes::new(grid) })
+        let fingerprint = fingerprint(&resource.config);
+        Ok(Self { experiment: (resource.stop_s, resource.step_s), fingerprint, planes: Planes::new(grid) })
     }
 
     fn inputs(&self) -> &Inputs {
@@ -94,6 +97,10 @@ impl Model for Grid {
             size("n_bus", "Number of buses", grid.n_bus() as u64),
         ];
         Shape { sizes, arrays: Vec::new() }
+    }
+
+    fn fingerprint(&self) -> u128 {
+        self.fingerprint
     }
 
     fn state(&self) -> &State {
