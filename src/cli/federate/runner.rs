@@ -33,6 +33,12 @@ pub fn run(args: &FederateArgs, resolved: &Resolved, federation: &Federation) ->
         federation.share(name).map_err(failed)?;
         names.retain(|known| known != name);
     }
+    let scenario = &resolved.scenario;
+    if !args.quiet && !(scenario.compare.is_empty() && scenario.trials.is_empty()) {
+        eprintln!(
+            "note: a federation runs the scenario alone; its `compare` and `trials` are those of `bess run`"
+        );
+    }
     // A missing library is told once, by this process.
     let helics = args.helics()?;
     let folder = args.folder(resolved);
