@@ -11,6 +11,7 @@ mod others;
 mod rejoining;
 mod session;
 mod topics;
+mod waiting;
 
 pub use address::Address;
 pub use broker::Broker;
@@ -20,3 +21,4 @@ pub use member::Federation;
 pub use others::{LATER_NS, OTHERS};
 pub use session::Session;
 pub use topics::{Form, Share, Topic};
+pub use waiting::Waiting;
