@@ -5,7 +5,10 @@
 
 use bess_consensus::control::communication::{Communication, Explicit};
 use bess_consensus::control::partition::{numbers, written};
-use bess_consensus::harness::{CONTROLLER, Cast, GRID, Memory, Origin, run, stage};
+use bess_consensus::harness::scenario::Staged;
+use bess_consensus::harness::{
+    CONTROLLER, Cast, Column, Endpoint, GRID, Memory, Origin, run, stage, stage_apart,
+};
 use bess_consensus::models::fleet::Cut;
 use bess_consensus::scenario::Resolved;
 use serde_json::{Map, Value, json};
@@ -101,6 +104,64 @@ fn plug_and_play_in_parts_ends_where_the_whole_controller_ends() {
             assert!(gap < 1e-3, "{cut:?}: {quantity} {gap:e} apart at the end");
         }
     }
+}
+
+/// Faults of measurements reach the parts as they reach the whole controller: the same noise, stuck and lost signals.
+#[test]
+fn faults_on_the_wire_reach_the_parts() {
+    let faults = [
+        json!({ "kind": "noise", "signal": "P[{i}]", "deviation": 1e-3, "seed": 3, "from_s": 2 }),
+        json!({ "kind": "noise", "signal": "omega[{i}]", "deviation": 1e-6, "from_s": 2 }),
+        json!({ "kind": "stuck", "signal": "P[5]", "from_s": 3, "until_s": 5 }),
+        json!({ "kind": "drift", "signal": "omega[6]", "rate_per_s": 1e-5, "from_s": 4, "until_s": 6 }),
+        json!({ "kind": "quantisation", "signal": "V[{i}]", "step": 1e-4, "from_s": 5 }),
+        json!({ "kind": "stuck", "signal": "omega_ref", "value": 1.001, "from_s": 7, "until_s": 9 }),
+        json!({ "kind": "drift", "signal": "grid.omega_set[7]", "rate_per_s": 1e-4, "from_s": 8, "until_s": 9 }),
+    ];
+    let on = json!([{ "at_s": 0, "set": { "controller.enable": true } }]);
+    // Agent 3 has no link to the other cluster, nor has its only neighbour: that it is out is no other part's business.
+    let lost = json!({ "kind": "nan", "signal": "Q[3]", "from_s": 6, "until_s": 8 });
+    for cut in [Cut::Clusters, Cut::Agents] {
+        let lost = (cut == Cut::Clusters).then(|| lost.clone());
+        let faults = Value::from_iter(faults.iter().cloned().chain(lost));
+        let set =
+            [("stop_s", json!(10)), ("step_s", json!(0.02)), ("events", on.clone()), ("faults", faults)];
+        let resolved = resolved("case1", &set);
+        let (late, told) = with_warnings(stage(&whole(&resolved, cut), &Cast::default()).unwrap());
+        let cast = Cast { controller: Origin::Parts(cut), grid: Origin::InProcess };
+        let (parts, told_in_parts) = with_warnings(stage(&resolved, &cast).unwrap());
+        let apart = stage_apart(&resolved, &Cast::default(), Some(cut)).unwrap();
+        let columns = apart.columns;
+        let (apart, told_apart) = with_warnings(apart.staged);
+        // The same, under the name of the part.
+        assert_eq!(told, told_in_parts);
+        let under = |told: &String| told.replace("controller.", "cluster1.");
+        assert_eq!(told.iter().map(under).collect::<Vec<_>>(), told_apart);
+        assert_eq!(told.len(), usize::from(cut == Cut::Clusters));
+        let names = (1..=7).flat_map(|i| {
+            let own = SETPOINTS.map(|quantity| (CONTROLLER, format!("{quantity}[{i}]")));
+            own.into_iter().chain(["P", "Q", "V", "omega"].map(|quantity| (GRID, format!("{quantity}[{i}]"))))
+        });
+        for (who, variable) in names {
+            let expected = late.values(who, &variable).unwrap();
+            let is_it = |(column, _): &&(Column, Vec<Endpoint>)| {
+                column.participant == who && column.variable == variable
+            };
+            let (_, sources) = columns.iter().find(is_it).unwrap();
+            let found_apart = apart.values(&sources[0].participant, &sources[0].variable).unwrap();
+            for (how, found) in [("in parts", parts.values(who, &variable).unwrap()), ("apart", found_apart)]
+            {
+                let differs = expected.iter().zip(found).position(|(x, y)| x.to_bits() != y.to_bits());
+                assert_eq!(differs, None, "{cut:?}, {how}: {who}.{variable}, row");
+            }
+        }
+    }
+}
+
+fn with_warnings((mut participants, plan): Staged) -> (Memory, Vec<String>) {
+    let mut memory = Memory::new(1, |_| true);
+    let outcome = run(&mut participants, &plan, &mut memory).unwrap();
+    (memory, outcome.warnings)
 }
 
 /// Importers keep what they have unpacked by its GUID: equal batteries must not be taken for each other.

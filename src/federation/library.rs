@@ -7,6 +7,7 @@ use std::ffi::{CStr, c_char, c_double, c_int, c_void};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 /// The version that this program was tried with; later ones of the same major version are taken too.
@@ -74,6 +75,11 @@ functions! {
     enter_executing_iterative = "helicsFederateEnterExecutingModeIterative":
         fn(Object, c_int, *mut HelicsError) -> c_int;
     request_time = "helicsFederateRequestTime": fn(Object, c_double, *mut HelicsError) -> c_double;
+    get_core = "helicsFederateGetCore": fn(Object, *mut HelicsError) -> Object;
+    create_query = "helicsCreateQuery": fn(*const c_char, *const c_char) -> Object;
+    query_core = "helicsQueryCoreExecute": fn(Object, Object, *mut HelicsError) -> *const c_char;
+    core_wait = "helicsCoreWaitForDisconnect": fn(Object, c_int, *mut HelicsError) -> c_int;
+    free_query = "helicsQueryFree": fn(Object);
     current_time = "helicsFederateGetCurrentTime": fn(Object, *mut HelicsError) -> c_double;
     publish_double = "helicsPublicationPublishDouble": fn(Object, c_double, *mut HelicsError);
     publish_vector = "helicsPublicationPublishVector": fn(Object, *const c_double, c_int, *mut HelicsError);
@@ -93,6 +99,8 @@ functions! {
 /// The loaded library with its functions. The functions must not outlive it.
 pub struct Helics {
     pub(super) functions: Functions,
+    /// Questions that nobody has answered yet.
+    pub(super) open_questions: AtomicUsize,
     _library: Library,
     version: String,
     path: PathBuf,
@@ -144,7 +152,8 @@ impl Helics {
             (Some((major, minor)), Some((wanted, least))) if major == wanted && minor >= least => {}
             _ => return Err(FederationError::Version { path: path.to_path_buf(), found: version }),
         }
-        Ok(Self { functions, _library: library, version, path: path.to_path_buf() })
+        let (open_questions, path) = (AtomicUsize::new(0), path.to_path_buf());
+        Ok(Self { functions, open_questions, _library: library, version, path })
     }
 
     /// What it says of its version.
@@ -170,13 +179,16 @@ impl Helics {
     /// for a broker that has ended sooner, and so would an ordinary end of the process, for them.
     pub fn end_process(self: Arc<Self>, code: u8) -> ! {
         let (closed, waiting) = std::sync::mpsc::channel();
-        let closing = std::thread::Builder::new().name("close".into()).spawn(move || {
+        // A thread whose question nobody answers is still inside the library; its session has waited for its core.
+        let is_idle = self.open_questions.load(Ordering::SeqCst) == 0;
+        let closing = std::thread::Builder::new().name("close".into());
+        let close = move || {
             // SAFETY: takes nothing; sessions and brokers have been dropped by whoever calls.
             unsafe { (self.functions.close_library)() };
             // Nobody may be waiting any more.
             let _ = closed.send(());
-        });
-        if closing.is_ok() {
+        };
+        if is_idle && closing.spawn(close).is_ok() {
             let _ = waiting.recv_timeout(LAST_WORDS);
         }
         // SAFETY: takes a number and does not come back; nothing of ours is left to be written.
@@ -189,7 +201,7 @@ unsafe extern "C" {
 }
 
 /// How long HELICS may take to say good-bye.
-const LAST_WORDS: Duration = Duration::from_secs(3);
+pub(super) const LAST_WORDS: Duration = Duration::from_secs(3);
 
 /// File names under which the system's loader may know it.
 const NAMES: &[&str] = if cfg!(target_os = "windows") {

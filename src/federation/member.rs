@@ -7,6 +7,7 @@ use super::others::{Joining, OTHERS, Others, Turn};
 use super::rejoining::Rejoining;
 use super::session::Session;
 use super::topics::{Form, Share, Topic, topics};
+use super::waiting::Waiting;
 use crate::harness::scenario::{GRID, Staged};
 use crate::harness::{Algorithm, Apart, Column, Connection, Endpoint, Event, Participant, Plan};
 use std::cell::Cell;
@@ -72,19 +73,21 @@ impl Federation {
     }
 
     /// Connects one federate and gives back what its process runs: itself and the others, and its part of the plan.
+    /// Whom it waits for, `waiting` knows from then on.
     pub fn join(
         self,
         helics: &Arc<Helics>,
         name: &str,
         address: &Address,
-        is_late: bool,
+        (is_late, waiting): (bool, &Waiting),
     ) -> Result<Staged, FederationError> {
         let share = self.share(name)?;
         let plan = own_plan(&self.plan, name, &share);
         let Some(own) = self.participants.into_iter().find(|participant| participant.name() == name) else {
             return Err(FederationError::Unknown { found: name.to_owned(), known: String::new() });
         };
-        let session = Session::connect(helics, name, address, &share)?;
+        let mut session = Session::connect(helics, name, address, &share)?;
+        session.tell(waiting)?;
         let turn = if name == GRID { Turn::Plant } else { Turn::Controller };
         let inbound: Vec<&Connection> =
             plan.connections.iter().filter(|c| c.from.participant == OTHERS).collect();

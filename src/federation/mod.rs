@@ -12,6 +12,7 @@ mod others;
 mod rejoining;
 mod session;
 mod topics;
+mod waiting;
 
 pub use address::Address;
 pub use broker::Broker;
@@ -21,3 +22,4 @@ pub use member::Federation;
 pub use others::{LATER_NS, OTHERS};
 pub use session::Session;
 pub use topics::{Form, Share, Topic};
+pub use waiting::Waiting;

@@ -182,11 +182,13 @@ impl Others {
                 }
                 (false, None) => {
                     *silent = Some(self.own.now_ns);
+                    self.session.note(name, true);
                     self.warnings
                         .push(format!("{name} fell silent at t = {t_s:?} s: what it told last is held"));
                 }
                 (true, Some(since_ns)) => {
                     *silent = None;
+                    self.session.note(name, false);
                     let since_s = since_ns as f64 / 1e9;
                     self.warnings.push(format!(
                         "{name} is back at t = {t_s:?} s; it was silent from {since_s:?} s on"

@@ -5,6 +5,7 @@ use super::address::Address;
 use super::error::FederationError;
 use super::library::{Helics, HelicsError, Object, text};
 use super::topics::Share;
+use super::waiting::Waiting;
 use std::ffi::{CString, c_char, c_int};
 use std::ptr;
 use std::sync::Arc;
@@ -45,6 +46,7 @@ pub struct Session {
     inputs: Vec<Input>,
     publications: Vec<Publication>,
     senders: Vec<String>,
+    waiting: Waiting,
 }
 
 impl Session {
@@ -107,6 +109,7 @@ impl Session {
             inputs: Vec::new(),
             publications: Vec::new(),
             senders: Vec::new(),
+            waiting: Waiting::default(),
         })
     }
 
@@ -171,6 +174,18 @@ impl Session {
         Ok(())
     }
 
+    /// Lets `waiting` know from now on whom it waits for.
+    pub(super) fn tell(&mut self, waiting: &Waiting) -> Result<(), FederationError> {
+        waiting.connected(&self.helics, &self.name, self.federate)?;
+        self.waiting = waiting.clone();
+        Ok(())
+    }
+
+    /// Notes that a sender has fallen silent, or is back.
+    pub(super) fn note(&self, sender: &str, is_silent: bool) {
+        self.waiting.note(sender, is_silent);
+    }
+
     /// Names of those whom it hears, in the order of [`Session::read`]'s flags.
     pub fn senders(&self) -> &[String] {
         &self.senders
@@ -191,7 +206,10 @@ impl Session {
             unsafe { (f.functions.enter_executing_iterative)(self.federate, ITERATE_IF_NEEDED, error) }
         })?;
         match result {
-            NEXT_STEP => Ok(false),
+            NEXT_STEP => {
+                self.waiting.start();
+                Ok(false)
+            }
             ITERATING => Ok(true),
             other => Err(self.failed("helicsFederateEnterExecutingModeIterative", format!("said {other}"))),
         }
@@ -203,6 +221,7 @@ impl Session {
             // SAFETY: as above.
             unsafe { (f.functions.enter_executing)(self.federate, error) }
         })?;
+        self.waiting.start();
         let time_s = self.call("helicsFederateGetCurrentTime", |f, error| {
             // SAFETY: as above.
             unsafe { (f.functions.current_time)(self.federate, error) }
@@ -302,6 +321,7 @@ impl Session {
         });
         // SAFETY: nobody has it any more.
         unsafe { (functions.free_federate)(federate) };
+        self.waiting.leave(&self.helics, &self.name);
         left
     }
 
@@ -310,7 +330,8 @@ impl Session {
         function: &'static str,
         body: impl FnOnce(&Helics, *mut HelicsError) -> T,
     ) -> Result<T, FederationError> {
-        Caller { name: &self.name }.checked(function, |error| body(&self.helics, error))
+        self.waiting
+            .during(|| Caller { name: &self.name }.checked(function, |error| body(&self.helics, error)))
     }
 
     fn failed(&self, function: &'static str, reason: String) -> FederationError {

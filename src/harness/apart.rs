@@ -13,6 +13,7 @@ use super::value::Kind;
 use crate::models::Controller;
 use crate::models::fleet::{Cut, Fleet};
 use crate::scenario::Resolved;
+use crate::scenario::fault::WireFault;
 use std::collections::BTreeSet;
 
 /// Participants to be run apart, and the whole that they make.
@@ -43,9 +44,13 @@ pub fn stage_apart(resolved: &Resolved, cast: &Cast, cut: Option<Cut>) -> Result
     let fleet =
         Fleet::of(&Controller::resource(resolved), cut).map_err(|error| refused(error.to_string()))?;
     let mut parts: Vec<Box<dyn Participant>> = Vec::with_capacity(fleet.parts.len() + 1);
-    for part in &fleet.parts {
+    let faults = faults(&fleet, &resolved.faults);
+    for (k, part) in fleet.parts.iter().enumerate() {
         let own = in_process(&part.name, Controller::new(part.resource.clone()))?;
-        parts.push(Box::new(Screened::new(own, &[], true)?));
+        let screened = Screened::new(own, &faults, true)?;
+        // The same noise as in one part.
+        let there = |name: &str| reference(&participants, &fleet.in_fleet(k, name)?);
+        parts.push(Box::new(screened.drawn_as(there)));
     }
     let columns = columns(&participants, &whole)
         .map(|column| {
@@ -62,6 +67,23 @@ pub fn stage_apart(resolved: &Resolved, cast: &Cast, cut: Option<Cut>) -> Result
     let plan = spread(&fleet, &whole);
     parts.extend(participants);
     Ok(Apart { staged: (parts, plan), whole, columns })
+}
+
+/// The faults of the whole controller's inputs, where those are now.
+fn faults(fleet: &Fleet, whole: &[WireFault]) -> Vec<WireFault> {
+    let of = |fault: &WireFault| -> Vec<WireFault> {
+        let Some((CONTROLLER, variable)) = fault.signal.split_once('.') else { return Vec::new() };
+        let places = places(fleet, CONTROLLER, variable).into_iter();
+        places.map(|place| WireFault { signal: place.to_string(), ..fault.clone() }).collect()
+    };
+    whole.iter().flat_map(of).collect()
+}
+
+/// Reference of an input of the whole controller.
+fn reference(participants: &[Box<dyn Participant>], name: &str) -> Option<u32> {
+    let whole = participants.iter().find(|participant| participant.name() == CONTROLLER)?;
+    let is_it = |v: &&Variable| v.name == name && v.causality == Causality::Input;
+    whole.variables().iter().find(is_it).map(|v| v.reference)
 }
 
 /// What is recorded of a plan, in the master's order: each participant's outputs by type, then what events set.

@@ -10,6 +10,8 @@ use serde::{Deserialize, Serialize};
 pub(super) struct FaultySignal {
     /// Value reference of the input.
     pub reference: u32,
+    /// By which its noise is drawn: the reference that it has in a controller in one part.
+    pub key: u32,
     faults: Vec<WireFault>,
     pub memory: Memory,
 }
@@ -27,7 +29,7 @@ pub(super) struct Memory {
 
 impl FaultySignal {
     pub fn new(reference: u32, faults: Vec<WireFault>) -> Self {
-        Self { reference, faults, memory: Memory::default() }
+        Self { reference, key: reference, faults, memory: Memory::default() }
     }
 
     /// Takes in the truth at `now_ns` and gives what arrives.
@@ -48,7 +50,7 @@ impl FaultySignal {
                 Wrong::Drift(rate_per_s) => value + rate_per_s * seconds(now_ns - fault.from_ns),
                 Wrong::Nan => f64::NAN,
                 Wrong::Noise { deviation, seed } => {
-                    value + deviation * normal(seed, self.reference.into(), now_ns as u64)
+                    value + deviation * normal(seed, self.key.into(), now_ns as u64)
                 }
                 Wrong::Quantised(step) => (value / step).round() * step,
             };

@@ -128,6 +128,16 @@ impl Screened {
         })
     }
 
+    /// The same with the noise of another participant's inputs, whose reference `there` gives by the name here.
+    pub fn drawn_as(mut self, there: impl Fn(&str) -> Option<u32>) -> Self {
+        for signal in &mut self.signals {
+            let named = |v: &&Variable| v.reference == signal.reference && v.kind == Kind::Real;
+            let name = self.inner.variables().iter().find(named).map(|v| v.name.as_str());
+            signal.key = name.and_then(&there).unwrap_or(signal.key);
+        }
+        self
+    }
+
     /// Passes on what is in `references` and `values`, as far as the participant can take it.
     fn pass(&mut self) -> Result<(), CallError> {
         let is_sound = !self.takes_agents_out || self.values.iter().all(|value| value.is_finite());

@@ -129,4 +129,14 @@ impl Fleet {
         };
         self.parts.iter().enumerate().filter_map(of).collect()
     }
+
+    /// What a variable of part `part`, from 0, is called in the whole controller: the other way of [`Self::places`].
+    pub fn in_fleet(&self, part: usize, variable: &str) -> Option<String> {
+        let Some((quantity, place)) = variable.strip_suffix(']').and_then(|v| v.split_once('[')) else {
+            return Some(variable.to_owned());
+        };
+        let place: usize = place.parse().ok()?;
+        let agent = self.parts.get(part)?.own.get(place.checked_sub(1)?)?;
+        Some(format!("{quantity}[{agent}]"))
+    }
 }

@@ -149,6 +149,70 @@ def test_the_broker_of_federates_started_by_hand_dies(start, tmp_path):
     nobody_is_left(tmp_path)
 
 
+PATIENCE = ("--patience", "2s")
+# Patience, the time to answer, and what it takes to be taken out on a busy machine.
+NOTICED = 2 + 5 + 20
+
+
+def test_a_federate_started_by_hand_dies(start, tmp_path):
+    """Nobody's child: the others ask for it, the grid takes it out, and all go on."""
+    port = free_port()
+    here = start(*RUN, "--set", "stop_s=40", "--without", "cluster2", "--port", port, *PATIENCE)
+    until(lambda: "waiting for cluster2" in here.text(), 30, "broker")
+    there = start(
+        *("federate", *CASE, "--set", "events=[]", "--set", "stop_s=40", "--federate", "cluster2"),
+        *("--broker", f"127.0.0.1:{port}", "-o", "there", *PATIENCE),
+    )
+    seen = tmp_path / "out/grid/trajectory.csv.part"
+    until(lambda: reached(seen) >= 10, 60, "10 s")
+    kill(there.process.pid)
+    killed = reached(seen)
+    assert killed < 35, "it was over before anybody died"
+    until(lambda: not seen.exists() or reached(seen) > killed + 2, NOTICED, "life without it")
+    assert here.wait(60) == 3, here.text()
+    said = here.text()
+    assert "grid: cluster2: no answer, " in said and "cluster2 was taken out, the others go on" in said
+    for name in ("grid", "cluster1"):
+        silent = float(said.split(f"{name}: warning: cluster2 fell silent at t = ")[1].split(" ")[0])
+        assert killed - 1 <= silent <= killed + 6, (name, silent, killed)
+    assert "cluster2 ended early (it fell silent); the others went on to the end" in said
+    _, values = rows(tmp_path / "out/trajectory.csv")
+    assert values[-1][0] == 40
+    nobody_is_left(tmp_path)
+
+
+@pytest.mark.parametrize("dead", ["cluster1", "grid"])
+def test_one_of_federates_all_started_by_hand_dies(start, tmp_path, dead):
+    port = free_port()
+    broker = start("serve-broker", "tcp", "by_hand", f"-f3 --dynamic --port={port} --loglevel=error", prefix=ALIVE)
+    words = ("--broker", f"127.0.0.1:{port}", "--core", "tcp", "--set", "stop_s=40", "--set", "events=[]", *PATIENCE)
+    ones = {
+        name: start("federate", *CASE, *words, "--federate", name, "-o", name)
+        for name in ("grid", "cluster1", "cluster2")
+    }
+    seen = tmp_path / "cluster2/trajectory.csv.part"
+    until(lambda: reached(seen) >= 10, 60, "10 s")
+    kill(ones.pop(dead).process.pid)
+    killed = reached(seen)
+    if dead == "grid":
+        for name, one in ones.items():
+            assert one.wait(NOTICED) == 1
+            assert "grid: no answer, " in one.text() and "without grid there is nothing to measure" in one.text()
+            assert reached(tmp_path / f"{name}/trajectory.csv.part") >= 10
+    else:
+        until(lambda: not seen.exists() or reached(seen) > killed + 2, NOTICED, "life without it")
+        for name, one in ones.items():
+            assert one.wait(60) == 3, one.text()
+            assert f"cluster1 fell silent and did not come back; {name} went on to the end" in one.text()
+            assert rows(tmp_path / name / "trajectory.csv")[1][-1][0] == 40
+        assert "cluster1 was taken out" in ones["grid"].text()
+    for number, said in processes(tmp_path).items():
+        if said[0] == "serve-broker":
+            kill(number)
+    broker.wait()
+    nobody_is_left(tmp_path)
+
+
 # A broker ends with the process that started it; this one stays until it is killed.
 ALIVE = ("/bin/sh", "-c", 'tail -f /dev/null | "$@"', "sh")
 

@@ -59,6 +59,28 @@ def test_steps_that_events_cut(bess, tmp_path):
     assert (tmp_path / "two/report.html").is_file()
 
 
+def test_faults_on_the_wire(bess, tmp_path):
+    """Wherever a battery's controller runs, its measurements are as wrong as in one process."""
+    faults = [
+        {"kind": "noise", "signal": "P[{i}]", "deviation": 1e-3, "seed": 5},
+        {"kind": "stuck", "signal": "omega[6]", "value": 1.001, "from_s": 1.5, "until_s": 2},
+        {"kind": "nan", "signal": "Q[5]", "from_s": 2, "until_s": 2.5},
+        {"kind": "drift", "signal": "grid.V_set[2]", "rate_per_s": 1e-4, "from_s": 2.5},
+    ]
+    wrong = ("--set", f"faults={json.dumps(faults)}")
+    bess("run", "case1", *SHORT, "--parts", "clusters", "-o", "sound", "-q", "--no-report")
+    for parts in ("clusters", "agents"):
+        bess("run", "case1", *SHORT, *wrong, "--parts", parts, "-o", "one", "-q", "--no-report")
+        said = bess("federate", "case1", *SHORT, *wrong, "--parts", parts, "-o", "two", "-q", "--no-report")
+        lost = "cluster2.Q[2]" if parts == "clusters" else "agent5.Q[1]"
+        assert f"{lost} was not a finite number from 2.0 s to 2.5 s" in said
+        one = (tmp_path / "one/trajectory.csv").read_bytes()
+        assert (tmp_path / "two/trajectory.csv").read_bytes() == one, parts
+        assert one != (tmp_path / "sound/trajectory.csv").read_bytes()
+        one, two = (json.loads((tmp_path / run / "summary.json").read_text()) for run in ("one", "two"))
+        assert two["faults"] == one["faults"]
+
+
 def test_fmus_in_both_places(bess, tmp_path):
     for part, file in (("controller", "C.fmu"), ("grid", "G.fmu")):
         bess("export", part, "case1", "-o", file)

@@ -1,6 +1,11 @@
 //! A process of a federation from outside: started with a line to it, listened to, told to stop, ended at last.
 
+use super::super::Failure;
+use super::{FederateArgs, broker, failed};
+use crate::federation::{FederationError, Helics};
+use miette::IntoDiagnostic;
 use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
@@ -87,6 +92,41 @@ impl Drop for Started {
         self.line = None;
         self.end(Duration::from_secs(1));
     }
+}
+
+/// How long taking a dead federate out may take.
+pub const FUNERAL: Duration = Duration::from_secs(30);
+
+/// Starts a process of this program with these words.
+pub fn spawn(
+    (name, number): (&str, usize),
+    words: &[String],
+    helics: &Helics,
+    said: &Sender<Said>,
+) -> Result<Started, Failure> {
+    let program = std::env::current_exe().into_diagnostic()?;
+    let mut command = Command::new(program);
+    command.args(words).args(["--helics".as_ref(), helics.path().as_os_str()]);
+    if words.first().is_some_and(|word| word != broker::BROKER) {
+        command.arg("--child");
+    }
+    let started = Started::new(name, number, &mut command, said);
+    let what = format!("the process of {name} cannot be started");
+    started.map_err(|source| failed(FederationError::Process { what, source }))
+}
+
+/// Takes a dead federate out, in a process of its own: HELICS may do what it likes there. Whether it succeeded.
+pub fn bury(
+    args: &FederateArgs,
+    helics: &Helics,
+    (name, number): (&str, usize),
+    (broker_name, folder): (&str, &Path),
+    said: &Sender<Said>,
+) -> Result<bool, Failure> {
+    let mut words = args.member(name, broker_name, folder);
+    words.push("--bury".into());
+    let mut child = spawn((name, number), &words, helics, said)?;
+    Ok(child.end(FUNERAL).is_some_and(|status| status.success()))
 }
 
 fn listen(

@@ -1,9 +1,10 @@
 //! One federate in this process: what a machine of a distributed run does.
 
 use super::super::{Failure, print, run::identity};
+use super::vigil::Vigil;
 use super::watch::Watch;
 use super::{FederateArgs, failed};
-use crate::federation::{Federation, Helics};
+use crate::federation::{Federation, Helics, Waiting};
 use crate::harness::{
     Checkpoint, CheckpointError, FanOut, Keeping, Memory, Observer, Progress, Recorder, run_from,
 };
@@ -18,6 +19,9 @@ pub const PROGRESS: &str = "at";
 /// What a child prints at the end before the wall time from the first communication point to the last, s.
 pub const TOOK: &str = "took";
 
+/// What a child prints at the end before the name of each federate that is silent then.
+pub const LOST: &str = "lost";
+
 /// Runs it to the end of the scenario.
 pub fn run(
     args: &FederateArgs,
@@ -27,14 +31,19 @@ pub fn run(
 ) -> Result<(), Failure> {
     let folder = args.folder(resolved);
     let address = args.address();
-    let watch = if args.child { Some(Watch::start(helics).into_diagnostic()?) } else { None };
+    let watch = if args.child { Watch::start(helics).into_diagnostic()? } else { Watch::default() };
     let failed_read = |error: CheckpointError| super::super::run::failed(&error.into());
     // Looked at before anybody is taken out of a federation for its sake.
     let found = if args.resume { Some(Checkpoint::open(&folder).map_err(failed_read)?) } else { None };
     if args.resume {
         federation.bury(helics, name, &address).map_err(failed)?;
     }
-    let (mut participants, plan) = federation.join(helics, name, &address, args.resume).map_err(failed)?;
+    let (names, waiting) = (federation.names(), Waiting::default());
+    let joined = federation.join(helics, name, &address, (args.resume, &waiting));
+    let (mut participants, plan) = joined.map_err(failed)?;
+    Vigil { args: args.clone(), helics: Arc::clone(helics), own: name.to_owned(), names }
+        .start(&waiting, &watch)
+        .into_diagnostic()?;
 
     let identity = identity(resolved, &participants);
     // Nothing is shown here: the samples are for a checkpoint alone.
@@ -69,9 +78,21 @@ pub fn run(
     }
     let (_, end_ns) = outcome.span_ns;
     let end_s = end_ns as f64 / 1e9;
-    match (result, watch.and_then(|watch| watch.reason())) {
+    match (result, watch.reason()) {
         (Ok(()), _) => {
             Keeping::clear(&folder).into_diagnostic()?;
+            let lost = waiting.silent();
+            if args.child {
+                lost.iter().try_for_each(|lost| print(&format!("{LOST} {lost}\n")))?;
+            } else if !lost.is_empty() {
+                let help = "from then on what it told last was held";
+                let lost = lost.join(", ");
+                let report = miette::miette!(
+                    help = help,
+                    "{lost} fell silent and did not come back; {name} went on to the end"
+                );
+                return Err(Failure { report, code: 3 });
+            }
             if !args.child && !args.quiet {
                 eprintln!("{name}: {end_s} s done; trajectory.csv in {}", folder.display());
             }

@@ -6,6 +6,7 @@ mod helics_cli;
 mod member;
 mod merge;
 mod runner;
+mod vigil;
 mod watch;
 
 pub use broker::{BROKER, BrokerArgs, serve};
@@ -132,6 +133,9 @@ pub struct FederateArgs {
     /// How long to look for the broker
     #[arg(long, value_name = "TIME", default_value = "30s", value_parser = duration::parse)]
     wait: i64,
+    /// After how long in one exchange to ask who is still there; who does not answer is taken out, whoever started it
+    #[arg(long, value_name = "TIME", default_value = "20s", value_parser = duration::parse)]
+    patience: i64,
     /// libhelics, or a folder with it [default: $BESS_HELICS, the package helics of python3, the system's]
     #[arg(long, value_name = "PATH")]
     helics: Option<PathBuf>,

@@ -2,18 +2,19 @@
 //! is taken out of the federation, so that the others go on; a broker that dies takes all of them with it.
 
 use super::super::Failure;
-use super::children::{Line, Said, Started};
+use super::children::{Line, Said, Started, bury, spawn};
 use super::merge::Remains;
 use super::{Core, FederateArgs, broker, failed, helics_cli, member, merge};
-use crate::federation::{Federation, FederationError, Helics};
+use crate::federation::{Federation, Helics};
 use crate::harness::scenario::GRID;
 use crate::scenario::Resolved;
 use clap::ValueEnum;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, WrapErr};
+use std::collections::BTreeSet;
 use std::net::TcpListener;
 use std::path::Path;
-use std::process::{Command, ExitStatus};
+use std::process::ExitStatus;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
@@ -23,8 +24,6 @@ const BROKER_START: Duration = Duration::from_secs(20);
 const BROKER_TRIALS: u32 = 4;
 /// How long an orderly end may take.
 const LAST_WORDS: Duration = Duration::from_secs(20);
-/// How long taking a dead federate out may take.
-const FUNERAL: Duration = Duration::from_secs(30);
 
 /// Runs the whole federation, or all of it that is not left to others.
 pub fn run(args: &FederateArgs, resolved: &Resolved, federation: &Federation) -> Result<(), Failure> {
@@ -32,6 +31,12 @@ pub fn run(args: &FederateArgs, resolved: &Resolved, federation: &Federation) ->
     for name in &args.without {
         federation.share(name).map_err(failed)?;
         names.retain(|known| known != name);
+    }
+    let scenario = &resolved.scenario;
+    if !args.quiet && !(scenario.compare.is_empty() && scenario.trials.is_empty()) {
+        eprintln!(
+            "note: a federation runs the scenario alone; its `compare` and `trials` are those of `bess run`"
+        );
     }
     // A missing library is told once, by this process.
     let helics = args.helics()?;
@@ -49,6 +54,7 @@ pub fn run(args: &FederateArgs, resolved: &Resolved, federation: &Federation) ->
         bar: super::super::run::bar(args.quiet),
         stepping_s: 0.0,
         has_begun: vec![false; names.len()],
+        lost: BTreeSet::new(),
     };
     let broker_name = watched.start_broker(names.len() + args.without.len(), &listener)?;
     if !args.without.is_empty() {
@@ -92,19 +98,13 @@ struct Watched<'a> {
     stepping_s: f64,
     /// Of each child, whether it has told of any progress.
     has_begun: Vec<bool>,
+    /// Whom the children have lost at the end.
+    lost: BTreeSet<String>,
 }
 
 impl Watched<'_> {
     fn spawn(&self, name: &str, words: &[String], number: usize) -> Result<Started, Failure> {
-        let program = std::env::current_exe().into_diagnostic()?;
-        let mut command = Command::new(program);
-        command.args(words).args(["--helics".as_ref(), self.helics.path().as_os_str()]);
-        if words.first().is_some_and(|word| word != broker::BROKER) {
-            command.arg("--child");
-        }
-        let started = Started::new(name, number, &mut command, &self.said);
-        let what = format!("the process of {name} cannot be started");
-        started.map_err(|source| failed(FederationError::Process { what, source }))
+        spawn((name, number), words, self.helics, &self.said)
     }
 
     /// Starts a broker, unless there is one; its name for federates. A port that somebody else has taken since it was
@@ -237,6 +237,8 @@ impl Watched<'_> {
         while let Ok(said) = listener.try_recv() {
             self.show(said);
         }
+        let abroad = self.lost.iter().filter(|name| !self.children.iter().any(|child| child.name == **name));
+        ended.died.extend(abroad.map(|name| (name.clone(), "it fell silent".to_owned())));
         ended.stepping_s = self.stepping_s;
         Ok(ended)
     }
@@ -245,12 +247,8 @@ impl Watched<'_> {
         self.children.iter_mut().for_each(|child| child.stop(reason));
     }
 
-    /// Takes a dead federate out, in a process of its own: HELICS may do what it likes there.
     fn bury(&self, number: usize, name: &str, broker_name: &str, folder: &Path) -> Result<(), Failure> {
-        let mut words = self.args.member(name, broker_name, folder);
-        words.push("--bury".into());
-        let mut child = self.spawn(name, &words, number)?;
-        if !child.end(FUNERAL).is_some_and(|status| status.success()) {
+        if !bury(self.args, self.helics, (name, number), (broker_name, folder), &self.said)? {
             eprintln!("{name} could not be taken out of the federation: the others may wait for it for ever");
         }
         Ok(())
@@ -262,6 +260,9 @@ impl Watched<'_> {
             Line::Out(line) => {
                 let mut words = line.split(' ');
                 let first = words.next();
+                if let (Some(member::LOST), Some(name)) = (first, line.split(' ').nth(1)) {
+                    self.lost.insert(name.to_owned());
+                }
                 let mut number = || words.next().and_then(|word| word.parse::<f64>().ok());
                 if first == Some(member::TOOK) {
                     self.stepping_s = self.stepping_s.max(number().unwrap_or(0.0));
@@ -311,6 +312,7 @@ impl FederateArgs {
             }
         }
         option("--wait", format!("{}s", self.wait as f64 / 1e9));
+        option("--patience", format!("{}s", self.patience as f64 / 1e9));
         if let Some(every_ns) = self.checkpoint {
             option("--checkpoint", format!("{}s", every_ns as f64 / 1e9));
         }

@@ -25,13 +25,18 @@ impl Watch {
                 0 => "the process that started this one is gone".to_owned(),
                 _ => line.trim().to_owned(),
             };
-            *own.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(reason.clone());
-            helics.abort(&reason);
-            std::thread::sleep(PATIENCE);
-            eprintln!("{reason}; HELICS did not let go within {} s", PATIENCE.as_secs());
-            std::process::exit(1);
+            own.call_off(&helics, &reason);
         })?;
         Ok(watch)
+    }
+
+    /// Ends what waits in HELICS, and after a while this process.
+    pub fn call_off(&self, helics: &Helics, reason: &str) -> ! {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(reason.to_owned());
+        helics.abort(reason);
+        std::thread::sleep(PATIENCE);
+        eprintln!("{reason}; HELICS did not let go within {} s", PATIENCE.as_secs());
+        std::process::exit(1);
     }
 
     /// Why, if it was.

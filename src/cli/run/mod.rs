@@ -173,7 +173,10 @@ pub fn conclude(
     (report, quiet): (bool, bool),
 ) -> Result<(), Failure> {
     let time_s = main.time_s().last().copied();
-    let results = Results::new(resolved, main, &[], early.map(|reason| Ended::other(reason, time_s)))?;
+    let mut results = Results::new(resolved, main, &[], early.map(|reason| Ended::other(reason, time_s)))?;
+    if early.is_none() {
+        results.faults.extend(faults::own_row(resolved, main)?);
+    }
     results.write_summary(&folder.join("summary.json"))?;
     if report {
         write(&results.report(resolved, main, &[])?, folder)?;
