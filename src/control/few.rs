@@ -6,29 +6,30 @@ use super::controller::Controller;
 use super::diagnosis::{Diagnosis, Seen};
 use super::discretisation::SignPower;
 use super::exchange::SECONDS_PER_HOUR;
-use super::lag::{LANES, load_few, no_load, no_loads};
-use super::network::Network;
+use super::lag::no_loads;
+use super::lanes::{LANES, Lanes, load_few, store_few};
+use super::network::Pin;
+use super::plain::Pass;
 use super::power::power;
+use super::roster::Roster;
 use super::state::State;
 use super::time::seconds;
 use pulp::{Arch, NullaryFnOnce};
 
-/// The most agents of such a step: those whose lags are found side by side.
+/// The most agents of such a step: those that go side by side.
 pub const FEW: usize = LANES;
 
 /// omega, p, V, q.
 type Four = [f64; 4];
 
-/// What an edge has to know of one of its ends.
-#[derive(Clone, Copy, Default)]
-struct Place {
-    signals: Four,
-    soc: f64,
-    capacity: f64,
-    /// P_exchange_max_i / peers_i, pu.
-    limit: f64,
-    /// 1 + peers_i.
-    crowd: f64,
+/// What agents know of themselves.
+struct Measured {
+    /// omega, p, V, q, the moves in it that are not seen yet.
+    signals: [Lanes; 4],
+    soc: Lanes,
+    /// At no load, measured and set: frequency and voltage.
+    seen: [Lanes; 2],
+    set: [Lanes; 2],
 }
 
 /// The laws of the four signals.
@@ -79,38 +80,38 @@ impl Laws {
 
 impl Controller {
     /// As `sweep`, for at most [`FEW`] agents.
-    pub(super) fn visit_few(&mut self, h_ns: i64, moves: bool) {
+    pub(super) fn visit_few(&mut self, h_ns: i64, pass: Pass) {
         let h_s = seconds(h_ns);
-        let (parameters, lags) = (&self.state.parameters, &self.state.lags);
-        let flows = [
-            self.flow(parameters.gain_omega, &lags.frequency, h_s),
-            self.flow(parameters.gain_P, &lags.frequency, h_s),
-            self.flow(parameters.gain_V, &lags.voltage, h_s),
-            self.flow(parameters.gain_Q, &lags.voltage, h_s),
-        ];
+        let State { parameters, lags, inputs, .. } = &self.state;
+        self.scratch.roster.renew(&self.network, &self.topology.live, parameters);
+        let omega = self.flow(parameters.gain_omega, &lags.frequency, h_s);
+        let V = self.flow(parameters.gain_V, &lags.voltage, h_s);
         let up_to_date = self.is_up_to_date();
-        let inputs = &self.state.inputs;
-        let mut diagnosis =
-            Diagnosis::new(inputs.omega_ref, inputs.V_ref, inputs.dispatch.then_some(inputs.P_ref));
+        let mut diagnosis = pass
+            .looks()
+            .then(|| Diagnosis::new(inputs.omega_ref, inputs.V_ref, inputs.dispatch.then_some(inputs.P_ref)));
         Arch::new().dispatch(Visit {
             laws: Laws {
-                power: flows[0].power,
-                gains: flows.map(|flow| flow.gain),
-                inverse_thetas: flows.map(|flow| flow.inverse_theta),
+                power: omega.power,
+                gains: [omega.gain, parameters.gain_P, V.gain, parameters.gain_Q],
+                inverse_thetas: [omega.inverse_theta, omega.inverse_theta, V.inverse_theta, V.inverse_theta],
             },
             gain_E: SECONDS_PER_HOUR * parameters.gain_E,
             theta_E_s: self.exchange_layer(h_s).max(0.0),
             fade: self.fade(h_ns),
             h_s,
-            moves,
-            adds_unseen: [lags.frequency.adds_unseen(), lags.voltage.adds_unseen()]
-                .map(|adds| adds && up_to_date),
-            network: &self.network,
-            live: &self.topology.live,
+            moves: pass.moves(),
+            adds_unseen: [
+                lags.frequency.adds_unseen() && up_to_date,
+                lags.voltage.adds_unseen() && up_to_date,
+            ],
+            pins: &self.network.pins,
+            roster: &self.scratch.roster,
+            n: self.topology.live.len(),
             state: &mut self.state,
-            diagnosis: &mut diagnosis,
+            diagnosis: diagnosis.as_mut(),
         });
-        self.tell(&diagnosis);
+        self.tell(diagnosis.as_ref());
     }
 }
 
@@ -123,10 +124,12 @@ struct Visit<'a> {
     h_s: f64,
     moves: bool,
     adds_unseen: [bool; 2],
-    network: &'a Network,
-    live: &'a [bool],
+    pins: &'a [Pin],
+    roster: &'a Roster,
+    /// Number of agents.
+    n: usize,
     state: &'a mut State,
-    diagnosis: &'a mut Diagnosis,
+    diagnosis: Option<&'a mut Diagnosis>,
 }
 
 impl NullaryFnOnce for Visit<'_> {
@@ -134,85 +137,85 @@ impl NullaryFnOnce for Visit<'_> {
 
     #[inline(always)]
     fn call(mut self) {
-        let places = self.measure();
+        let measured = self.measure();
+        let [omega, p, V, q] = &measured.signals;
+        let mut signals = [Four::default(); FEW];
+        for (i, signals) in signals.iter_mut().enumerate() {
+            *signals = [omega[i], p[i], V[i], q[i]];
+        }
         let (mut sums, mut P_set) = ([Four::default(); FEW], [0.0; FEW]);
-        self.edges(&places, &mut sums, &mut P_set);
-        self.pins(&places, &mut sums);
+        self.edges(&signals, &measured.soc, &mut sums, &mut P_set);
+        self.pull(&signals, &mut sums);
         if self.moves {
-            self.learn();
+            self.learn(&measured);
         }
         self.advance(&sums, &P_set);
-        self.diagnose(&places);
+        self.diagnose(&measured);
     }
 }
 
 impl Visit<'_> {
     #[inline(always)]
-    fn measure(&mut self) -> [Place; FEW] {
-        let State { inputs, parameters, outputs, lags, .. } = &mut *self.state;
-        let n = self.live.len().min(FEW);
-        let mut places = [Place::default(); FEW];
-        let (omega, P, V) = (&inputs.omega[..n], &inputs.P[..n], &inputs.V[..n]);
-        let (Q, E, peers) = (&inputs.Q[..n], &inputs.E[..n], &self.network.graph.all_peers()[..n]);
-        let (K_P, K_Q, capacity) = (&parameters.K_P[..n], &parameters.K_Q[..n], &parameters.capacity[..n]);
-        let (P_max, P_set, Q_set) =
-            (&parameters.P_exchange_max[..n], &outputs.P_set[..n], &outputs.Q_set[..n]);
-        for i in 0..n {
-            let peers = f64::from(peers[i]);
-            places[i] = Place {
-                signals: [omega[i], K_P[i] * (P[i] - P_set[i]), V[i], K_Q[i] * (Q[i] - Q_set[i])],
-                soc: E[i] / capacity[i],
-                capacity: capacity[i],
-                limit: P_max[i] / peers,
-                crowd: 1.0 + peers,
-            };
+    fn measure(&self) -> Measured {
+        let State { inputs, outputs, lags, .. } = &*self.state;
+        let Roster { K_P, K_Q, capacity, .. } = self.roster;
+        let (mut omega, mut V) = (load_few(&inputs.omega), load_few(&inputs.V));
+        let (P, Q, E) = (load_few(&inputs.P), load_few(&inputs.Q), load_few(&inputs.E));
+        let (P_set, Q_set) = (load_few(&outputs.P_set), load_few(&outputs.Q_set));
+        let set = [
+            no_loads(&load_few(&outputs.omega_set), K_P, &P_set),
+            no_loads(&load_few(&outputs.V_set), K_Q, &Q_set),
+        ];
+        let seen = [no_loads(&omega, K_P, &P), no_loads(&V, K_Q, &Q)];
+        let [mut p, mut q, mut soc] = [[0.0; FEW]; 3];
+        for i in 0..FEW {
+            p[i] = K_P[i] * (P[i] - P_set[i]);
+            q[i] = K_Q[i] * (Q[i] - Q_set[i]);
+            soc[i] = E[i] / capacity[i];
         }
-        if self.adds_unseen[0] {
-            for i in 0..n {
-                let sigma = no_load(outputs.omega_set[i], K_P[i], P_set[i]);
-                places[i].signals[0] += lags.frequency.unseen(i, sigma);
+        for ((adds, level), (lag, set)) in self
+            .adds_unseen
+            .into_iter()
+            .zip([&mut omega, &mut V])
+            .zip([&lags.frequency, &lags.voltage].into_iter().zip(&set))
+        {
+            if adds {
+                let unseen = lag.unseen_few(set);
+                for i in 0..FEW {
+                    level[i] += unseen[i];
+                }
             }
         }
-        if self.adds_unseen[1] {
-            for i in 0..n {
-                let sigma = no_load(outputs.V_set[i], K_Q[i], Q_set[i]);
-                places[i].signals[2] += lags.voltage.unseen(i, sigma);
-            }
-        }
-        places
+        Measured { signals: [omega, p, V, q], soc, seen, set }
     }
 
     #[inline(always)]
-    fn edges(&mut self, places: &[Place; FEW], sums: &mut [Four; FEW], P_set: &mut [f64; FEW]) {
+    fn edges(&mut self, signals: &[Four; FEW], soc: &Lanes, sums: &mut [Four; FEW], P_set: &mut Lanes) {
         let saturated = &mut self.state.outputs.saturated[..];
         saturated.fill(false);
-        let links = self.network.graph.edges().iter().zip(&self.network.shares);
-        for ((edge, &share), last) in links.zip(&mut self.state.flows) {
+        for (link, last) in self.roster.links.iter().zip(&mut self.state.flows) {
             // Ends are below eight: what looks like a mask is no check.
-            let (a, b) = (edge.a as usize % FEW, edge.b as usize % FEW);
-            let (at_a, at_b) = (&places[a], &places[b]);
-            let mut d = at_a.signals;
+            let (a, b) = (link.a % FEW, link.b % FEW);
+            let mut d = signals[a];
             for k in 0..4 {
-                d[k] -= at_b.signals[k];
+                d[k] -= signals[b][k];
             }
-            let flow = self.laws.along(edge.weight, d, share);
+            let flow = self.laws.along(link.weight, d, link.share);
             for k in 0..4 {
                 sums[a][k] -= flow[k];
                 sums[b][k] += flow[k];
             }
-            let d = at_a.soc - at_b.soc;
+            let d = soc[a] - soc[b];
             let [s] = self.laws.magnitudes([d.abs()]);
-            let law = self.gain_E * edge.weight * s;
-            let least = at_a.capacity.min(at_b.capacity);
-            let cap = SECONDS_PER_HOUR * least * d.abs() / (self.theta_E_s * at_a.crowd.max(at_b.crowd));
+            let law = self.gain_E * link.weight * s;
+            let cap = link.least_s * d.abs() / (self.theta_E_s * link.crowd);
             let wanted = if cap < law { cap } else { law };
-            let most = at_a.limit.min(at_b.limit);
             let mut exchange = wanted;
-            if wanted > most {
-                exchange = most;
-                for (end, place) in [(a, at_a), (b, at_b)] {
+            if wanted > link.limit {
+                exchange = link.limit;
+                for (end, limit) in [a, b].into_iter().zip(link.limits) {
                     if let Some(saturated) = saturated.get_mut(end) {
-                        *saturated |= wanted > place.limit;
+                        *saturated |= wanted > limit;
                     }
                 }
             }
@@ -228,14 +231,15 @@ impl Visit<'_> {
         }
     }
 
+    /// Of the virtual leader.
     #[inline(always)]
-    fn pins(&self, places: &[Place; FEW], sums: &mut [Four; FEW]) {
+    fn pull(&self, signals: &[Four; FEW], sums: &mut [Four; FEW]) {
         let inputs = &self.state.inputs;
         let references = [inputs.omega_ref, inputs.P_ref, inputs.V_ref, 0.0];
         let pulled = [true, inputs.dispatch, true, false];
-        for pin in &self.network.pins {
+        for pin in self.pins {
             let i = pin.agent % FEW;
-            let mut d = places[i].signals;
+            let mut d = signals[i];
             for k in 0..4 {
                 d[k] -= references[k];
             }
@@ -248,54 +252,55 @@ impl Visit<'_> {
 
     /// How late the measurements are, from the setpoints before they move.
     #[inline(always)]
-    fn learn(&mut self) {
-        let State { inputs, parameters, outputs, lags, clock, .. } = &mut *self.state;
-        let mut counted = [false; FEW];
-        for (counted, live) in counted.iter_mut().zip(self.live) {
-            *counted = *live & (clock.samples > 0);
-        }
-        let (K_P, K_Q) = (load_few(&parameters.K_P), load_few(&parameters.K_Q));
-        let y = no_loads(load_few(&inputs.omega), K_P, load_few(&inputs.P));
-        let sigma = no_loads(load_few(&outputs.omega_set), K_P, load_few(&outputs.P_set));
-        lags.frequency.observe_few(&counted, &y, &sigma);
-        let y = no_loads(load_few(&inputs.V), K_Q, load_few(&inputs.Q));
-        let sigma = no_loads(load_few(&outputs.V_set), K_Q, load_few(&outputs.Q_set));
-        lags.voltage.observe_few(&counted, &y, &sigma);
+    fn learn(&mut self, measured: &Measured) {
+        let State { lags, clock, .. } = &mut *self.state;
+        let counted = if clock.samples > 0 { self.roster.live } else { [false; FEW] };
+        let Measured { seen, set, .. } = measured;
+        lags.frequency.observe_few(&counted, &seen[0], &set[0]);
+        lags.voltage.observe_few(&counted, &seen[1], &set[1]);
     }
 
     #[inline(always)]
-    fn advance(&mut self, sums: &[Four; FEW], P_set: &[f64; FEW]) {
-        let (h_s, live) = (self.h_s, self.live);
-        let n = live.len().min(FEW);
-        let State { parameters, outputs, .. } = &mut *self.state;
-        let (u_omega, u_P) = (&mut outputs.u_omega[..n], &mut outputs.u_P[..n]);
-        let (u_V, u_Q, u_E) = (&mut outputs.u_V[..n], &mut outputs.u_Q[..n], &mut outputs.u_E[..n]);
-        let (omega_set, V_set) = (&mut outputs.omega_set[..n], &mut outputs.V_set[..n]);
-        let (exchange, capacity) = (&mut outputs.P_set[..n], &parameters.capacity[..n]);
-        for i in 0..n {
-            let [omega, p, v, q] = sums[i];
+    fn advance(&mut self, sums: &[Four; FEW], P_set: &Lanes) {
+        let Roster { capacity_s, live, .. } = self.roster;
+        let outputs = &mut self.state.outputs;
+        let [mut u_omega, mut u_P, mut u_V, mut u_Q, mut u_E] = [[0.0; FEW]; 5];
+        for (i, &[omega, p, v, q]) in sums.iter().enumerate() {
             (u_omega[i], u_P[i], u_V[i], u_Q[i]) = (omega + p, p, v + q, q);
-            u_E[i] = if live[i] { -P_set[i] / (SECONDS_PER_HOUR * capacity[i]) } else { 0.0 };
-            if live[i] && self.moves {
-                omega_set[i] += h_s * u_omega[i];
-                V_set[i] += h_s * u_V[i];
-                exchange[i] = P_set[i];
-            }
         }
+        for i in 0..FEW {
+            u_E[i] = if live[i] { -P_set[i] / capacity_s[i] } else { 0.0 };
+        }
+        store_few(&u_omega, &mut outputs.u_omega);
+        store_few(&u_P, &mut outputs.u_P);
+        store_few(&u_V, &mut outputs.u_V);
+        store_few(&u_Q, &mut outputs.u_Q);
+        store_few(&u_E, &mut outputs.u_E);
+        if !self.moves {
+            return;
+        }
+        let (mut omega_set, mut V_set) = (load_few(&outputs.omega_set), load_few(&outputs.V_set));
+        let mut exchange = load_few(&outputs.P_set);
+        for i in 0..FEW {
+            omega_set[i] = if live[i] { omega_set[i] + self.h_s * u_omega[i] } else { omega_set[i] };
+            V_set[i] = if live[i] { V_set[i] + self.h_s * u_V[i] } else { V_set[i] };
+            exchange[i] = if live[i] { P_set[i] } else { exchange[i] };
+        }
+        store_few(&omega_set, &mut outputs.omega_set);
+        store_few(&V_set, &mut outputs.V_set);
+        store_few(&exchange, &mut outputs.P_set);
     }
 
     #[inline(always)]
-    fn diagnose(&mut self, places: &[Place; FEW]) {
-        let n = self.live.len().min(FEW);
-        let [mut omega, mut p, mut V, mut q, mut soc] = [[0.0; FEW]; 5];
-        for (i, place) in places.iter().enumerate() {
-            ([omega[i], p[i], V[i], q[i]], soc[i]) = (place.signals, place.soc);
-        }
-        self.diagnosis.take(Seen {
+    fn diagnose(&mut self, measured: &Measured) {
+        let Some(diagnosis) = &mut self.diagnosis else { return };
+        let n = self.n.min(FEW);
+        let [omega, p, V, q] = measured.signals.each_ref().map(|signal| &signal[..n]);
+        diagnosis.take(Seen {
             available: &self.state.adopted.available[..n],
-            live: &self.live[..n],
-            told_p: &p[..n],
-            own: [&omega[..n], &p[..n], &V[..n], &q[..n], &soc[..n]],
+            live: &self.roster.live[..n],
+            told_p: p,
+            own: [omega, p, V, q, &measured.soc[..n]],
         });
     }
 }

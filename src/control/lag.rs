@@ -15,7 +15,9 @@
 //! steps of 100 ms, lag 3: abs(omega - 1) 3e-9 the first way, 1e-5 the second, 0.3 without either.
 
 use super::error::Problems;
+use super::lanes::{LANES, Lanes, load_few, store_few};
 use serde::{Deserialize, Serialize};
+use std::mem::swap;
 
 /// The longest lag looked for, steps.
 pub const LONGEST: usize = 3;
@@ -30,9 +32,6 @@ const EXPLAINED: f64 = 1e-3;
 /// Differences between lags below this many roundings of the numbers they come from say nothing.
 const ROUNDINGS: f64 = 4096.0;
 
-/// Agents whose evidence is summed apart, so that it can be summed side by side.
-pub(super) const LANES: usize = 8;
-const HALF: usize = LANES / 2;
 /// Agents that give evidence, about. The lag is the master's and so common to all: of more agents, those of some
 /// stretches do, spread evenly.
 const WITNESSES: usize = 8192;
@@ -80,50 +79,9 @@ impl Tally {
     }
 }
 
-/// At most as many values as there are lanes. From four on two halves that overlap, because a copy of a length that
-/// nobody knows would be a call.
-#[inline(always)]
-pub(super) fn load_few(values: &[f64]) -> [f64; LANES] {
-    let mut lanes = [0.0; LANES];
-    let n = values.len().min(LANES);
-    if let (Some(first), Some(last)) = (values.first_chunk::<HALF>(), values.last_chunk::<HALF>())
-        && let Some(end) = lanes.get_mut(n - HALF..n)
-    {
-        end.copy_from_slice(last);
-        lanes[..HALF].copy_from_slice(first);
-    } else {
-        for lane in 0..HALF {
-            if let Some(&value) = values.get(lane) {
-                lanes[lane] = value;
-            }
-        }
-    }
-    lanes
-}
-
-/// The other way.
-#[inline(always)]
-fn store_few(lanes: &[f64; LANES], values: &mut [f64]) {
-    let n = values.len().min(LANES);
-    if n < HALF {
-        for lane in 0..HALF {
-            if let Some(value) = values.get_mut(lane) {
-                *value = lanes[lane];
-            }
-        }
-        return;
-    }
-    if let (Some(end), Some(last)) = (lanes.get(n - HALF..n), values.last_chunk_mut::<HALF>()) {
-        last.copy_from_slice(end);
-    }
-    if let Some(first) = values.first_chunk_mut::<HALF>() {
-        first.copy_from_slice(&lanes[..HALF]);
-    }
-}
-
 /// [`no_load`] of agents side by side.
 #[inline(always)]
-pub(super) fn no_loads(level: [f64; LANES], droop: [f64; LANES], power: [f64; LANES]) -> [f64; LANES] {
+pub(super) fn no_loads(level: &Lanes, droop: &Lanes, power: &Lanes) -> Lanes {
     let mut out = [0.0; LANES];
     for lane in 0..LANES {
         out[lane] = no_load(level[lane], droop[lane], power[lane]);
@@ -187,6 +145,18 @@ impl Lag {
     /// being the present one. 0 where (3) does not explain the measurements.
     pub fn unseen(&self, i: usize, sigma: f64) -> f64 {
         if self.adds_unseen() { sigma - self.past[self.steps - 1][i] } else { 0.0 }
+    }
+
+    /// The same of agents side by side, where [`Self::adds_unseen`].
+    #[inline(always)]
+    pub(super) fn unseen_few(&self, sigma: &Lanes) -> Lanes {
+        let past =
+            self.steps.checked_sub(1).and_then(|k| self.past.get(k)).map_or(*sigma, |past| load_few(past));
+        let mut unseen = *sigma;
+        for lane in 0..LANES {
+            unseen[lane] -= past[lane];
+        }
+        unseen
     }
 
     /// Whether [`Self::unseen`] moves with one's own setpoint.
@@ -271,8 +241,10 @@ impl Lag {
                 *counted = compare & live;
             }
             let droop = load(droop);
-            let (y, sigma) =
-                (no_loads(load(level), droop, load(power)), no_loads(load(set), droop, load(power_set)));
+            let (y, sigma) = (
+                no_loads(&load(level), &droop, &load(power)),
+                no_loads(&load(set), &droop, &load(power_set)),
+            );
             let pasts = [sigma, load(past[0]), load(past[1]), load(past[2]), load(past[3])];
             tally.take(&counted, &y, &load(last), &pasts);
             last[at.clone()].copy_from_slice(&y[..at.len()]);
@@ -282,7 +254,7 @@ impl Lag {
     /// As [`Self::observe`] for as many agents as go side by side; `counted`, y and sigma are filled up to their
     /// number.
     #[inline(always)]
-    pub(super) fn observe_few(&mut self, counted: &[bool; LANES], y: &[f64; LANES], sigma: &[f64; LANES]) {
+    pub(super) fn observe_few(&mut self, counted: &[bool; LANES], y: &Lanes, sigma: &Lanes) {
         let mut tally = Tally::default();
         let [past_0, past_1, past_2, past_3] = &mut self.past;
         let pasts = [*sigma, load_few(past_0), load_few(past_1), load_few(past_2), load_few(past_3)];
@@ -293,13 +265,20 @@ impl Lag {
     }
 
     /// Draws the conclusion when all agents are noted.
+    #[inline(always)]
     pub(super) fn conclude(&mut self, tally: Tally) {
-        let missed = tally.missed.map(|lanes| lanes.iter().sum::<f64>());
-        let weight: f64 = tally.weight.iter().sum();
-        // As rotate_right(1), which would be a call.
-        for k in (1..CANDIDATES).rev() {
-            self.past.swap(k - 1, k);
+        let (mut missed, mut weight) = ([0.0; CANDIDATES], 0.0);
+        for lane in 0..LANES {
+            for k in 0..CANDIDATES {
+                missed[k] += tally.missed[k][lane];
+            }
+            weight += tally.weight[lane];
         }
+        // As rotate_right(1), which would be a call.
+        let [first, second, third, fourth] = &mut self.past;
+        swap(third, fourth);
+        swap(second, third);
+        swap(first, second);
         if weight == 0.0 {
             return;
         }
