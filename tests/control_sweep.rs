@@ -117,6 +117,17 @@ fn few_agents_and_many_at_all_exponents() {
     }
 }
 
+#[test]
+fn very_few_agents() {
+    for n in [2, 3] {
+        let mut random = Random(n as u64 + 1);
+        let edges = (1..n).map(|i| edge(i - 1, i, random.within(0.2, 1.0))).collect();
+        let chain =
+            Config { communication: explicit(edges, vec![pin(1, 0.7)]), ..with(n, Vec::new(), &mut random) };
+        same_bits_of(chain, random);
+    }
+}
+
 /// What each droop shows of the setpoints of the step before.
 fn measure_late(controller: &mut Controller, before: &Outputs, random: &mut Random) {
     let (K_P, K_Q) = (controller.parameters().K_P.clone(), controller.parameters().K_Q.clone());

@@ -1,6 +1,6 @@
 //! A step or an evaluation of up to eight agents: the laws of `protocol` and `exchange` under the conditions of `sweep`, without what
-//! a sweep spends on getting ready. One quantity a lane; agents and edges one after the other. Gives the bits of
-//! `evaluate` and `step`.
+//! a sweep spends on getting ready (`roster` keeps that). Agents side by side, edges one after the other, their four
+//! signals at once. Gives the bits of `evaluate` and `step`.
 
 use super::controller::Controller;
 use super::diagnosis::{Diagnosis, Seen};
@@ -8,7 +8,6 @@ use super::discretisation::SignPower;
 use super::exchange::SECONDS_PER_HOUR;
 use super::lag::no_loads;
 use super::lanes::{LANES, Lanes, load_few, store_few};
-use super::network::Pin;
 use super::plain::Pass;
 use super::power::power;
 use super::roster::Roster;
@@ -22,6 +21,11 @@ pub const FEW: usize = LANES;
 /// omega, p, V, q.
 type Four = [f64; 4];
 
+/// The same of each lane. Aligned, so that none lies across two lines of the cache.
+#[derive(Default)]
+#[repr(align(64))]
+struct Rows([Four; FEW]);
+
 /// What agents know of themselves.
 struct Measured {
     /// omega, p, V, q, the moves in it that are not seen yet.
@@ -30,6 +34,28 @@ struct Measured {
     /// At no load, measured and set: frequency and voltage.
     seen: [Lanes; 2],
     set: [Lanes; 2],
+    /// omega_set, V_set and P_set until the step moves them.
+    held: [Lanes; 3],
+}
+
+/// The sums.
+#[inline(always)]
+fn added(a: &Lanes, b: &Lanes) -> Lanes {
+    let mut sums = *a;
+    for i in 0..FEW {
+        sums[i] += b[i];
+    }
+    sums
+}
+
+/// `new` of who takes part, `old` of the others.
+#[inline(always)]
+fn of_live(kept: &[u64; FEW], new: &Lanes, old: &Lanes) -> Lanes {
+    let mut chosen = *old;
+    for i in 0..FEW {
+        chosen[i] = f64::from_bits(new[i].to_bits() & kept[i] | old[i].to_bits() & !kept[i]);
+    }
+    chosen
 }
 
 /// The laws of the four signals.
@@ -82,6 +108,8 @@ impl Controller {
     /// As `sweep`, for at most [`FEW`] agents.
     pub(super) fn visit_few(&mut self, h_ns: i64, pass: Pass) {
         let h_s = seconds(h_ns);
+        // Here, because a call in between would put all vectors aside.
+        self.state.outputs.saturated.fill(false);
         let State { parameters, lags, inputs, .. } = &self.state;
         self.scratch.roster.renew(&self.network, &self.topology.live, parameters);
         let omega = self.flow(parameters.gain_omega, &lags.frequency, h_s);
@@ -105,9 +133,8 @@ impl Controller {
                 lags.frequency.adds_unseen() && up_to_date,
                 lags.voltage.adds_unseen() && up_to_date,
             ],
-            pins: &self.network.pins,
             roster: &self.scratch.roster,
-            n: self.topology.live.len(),
+            live: &self.topology.live,
             state: &mut self.state,
             diagnosis: diagnosis.as_mut(),
         });
@@ -124,10 +151,8 @@ struct Visit<'a> {
     h_s: f64,
     moves: bool,
     adds_unseen: [bool; 2],
-    pins: &'a [Pin],
     roster: &'a Roster,
-    /// Number of agents.
-    n: usize,
+    live: &'a [bool],
     state: &'a mut State,
     diagnosis: Option<&'a mut Diagnosis>,
 }
@@ -138,18 +163,13 @@ impl NullaryFnOnce for Visit<'_> {
     #[inline(always)]
     fn call(mut self) {
         let measured = self.measure();
-        let [omega, p, V, q] = &measured.signals;
-        let mut signals = [Four::default(); FEW];
-        for (i, signals) in signals.iter_mut().enumerate() {
-            *signals = [omega[i], p[i], V[i], q[i]];
-        }
-        let (mut sums, mut P_set) = ([Four::default(); FEW], [0.0; FEW]);
-        self.edges(&signals, &measured.soc, &mut sums, &mut P_set);
-        self.pull(&signals, &mut sums);
         if self.moves {
             self.learn(&measured);
         }
-        self.advance(&sums, &P_set);
+        let (mut sums, mut P_set) = (Rows::default(), [0.0; FEW]);
+        self.edges(&measured, &mut sums, &mut P_set);
+        self.pull(&measured, &mut sums);
+        self.advance(&sums, &P_set, measured.held);
         self.diagnose(&measured);
     }
 }
@@ -162,10 +182,8 @@ impl Visit<'_> {
         let (mut omega, mut V) = (load_few(&inputs.omega), load_few(&inputs.V));
         let (P, Q, E) = (load_few(&inputs.P), load_few(&inputs.Q), load_few(&inputs.E));
         let (P_set, Q_set) = (load_few(&outputs.P_set), load_few(&outputs.Q_set));
-        let set = [
-            no_loads(&load_few(&outputs.omega_set), K_P, &P_set),
-            no_loads(&load_few(&outputs.V_set), K_Q, &Q_set),
-        ];
+        let (omega_set, V_set) = (load_few(&outputs.omega_set), load_few(&outputs.V_set));
+        let set = [no_loads(&omega_set, K_P, &P_set), no_loads(&V_set, K_Q, &Q_set)];
         let seen = [no_loads(&omega, K_P, &P), no_loads(&V, K_Q, &Q)];
         let [mut p, mut q, mut soc] = [[0.0; FEW]; 3];
         for i in 0..FEW {
@@ -173,32 +191,25 @@ impl Visit<'_> {
             q[i] = K_Q[i] * (Q[i] - Q_set[i]);
             soc[i] = E[i] / capacity[i];
         }
-        for ((adds, level), (lag, set)) in self
-            .adds_unseen
-            .into_iter()
-            .zip([&mut omega, &mut V])
-            .zip([&lags.frequency, &lags.voltage].into_iter().zip(&set))
-        {
-            if adds {
-                let unseen = lag.unseen_few(set);
-                for i in 0..FEW {
-                    level[i] += unseen[i];
-                }
-            }
+        if self.adds_unseen[0] {
+            omega = added(&omega, &lags.frequency.unseen_few(&set[0]));
         }
-        Measured { signals: [omega, p, V, q], soc, seen, set }
+        if self.adds_unseen[1] {
+            V = added(&V, &lags.voltage.unseen_few(&set[1]));
+        }
+        Measured { signals: [omega, p, V, q], soc, seen, set, held: [omega_set, V_set, P_set] }
     }
 
     #[inline(always)]
-    fn edges(&mut self, signals: &[Four; FEW], soc: &Lanes, sums: &mut [Four; FEW], P_set: &mut Lanes) {
+    fn edges(&mut self, measured: &Measured, Rows(sums): &mut Rows, P_set: &mut Lanes) {
+        let Measured { signals, soc, .. } = measured;
         let saturated = &mut self.state.outputs.saturated[..];
-        saturated.fill(false);
         for (link, last) in self.roster.links.iter().zip(&mut self.state.flows) {
-            // Ends are below eight: what looks like a mask is no check.
-            let (a, b) = (link.a % FEW, link.b % FEW);
-            let mut d = signals[a];
+            // Lanes are below eight: what looks like a mask is no check.
+            let [a, b] = [link.lanes[0] % FEW, link.lanes[1] % FEW];
+            let mut d = Four::default();
             for k in 0..4 {
-                d[k] -= signals[b][k];
+                d[k] = signals[k][a] - signals[k][b];
             }
             let flow = self.laws.along(link.weight, d, link.share);
             for k in 0..4 {
@@ -213,7 +224,7 @@ impl Visit<'_> {
             let mut exchange = wanted;
             if wanted > link.limit {
                 exchange = link.limit;
-                for (end, limit) in [a, b].into_iter().zip(link.limits) {
+                for (end, limit) in link.ends.into_iter().zip(link.limits) {
                     if let Some(saturated) = saturated.get_mut(end) {
                         *saturated |= wanted > limit;
                     }
@@ -233,17 +244,17 @@ impl Visit<'_> {
 
     /// Of the virtual leader.
     #[inline(always)]
-    fn pull(&self, signals: &[Four; FEW], sums: &mut [Four; FEW]) {
+    fn pull(&self, Measured { signals, .. }: &Measured, Rows(sums): &mut Rows) {
         let inputs = &self.state.inputs;
         let references = [inputs.omega_ref, inputs.P_ref, inputs.V_ref, 0.0];
         let pulled = [true, inputs.dispatch, true, false];
-        for pin in self.pins {
-            let i = pin.agent % FEW;
-            let mut d = signals[i];
+        for pull in &self.roster.pulls {
+            let i = pull.lane % FEW;
+            let mut d = Four::default();
             for k in 0..4 {
-                d[k] -= references[k];
+                d[k] = signals[k][i] - references[k];
             }
-            let flow = self.laws.along(pin.weight, d, pin.share);
+            let flow = self.laws.along(pull.weight, d, pull.share);
             for k in 0..4 {
                 sums[i][k] -= if pulled[k] { flow[k] } else { 0.0 };
             }
@@ -254,53 +265,57 @@ impl Visit<'_> {
     #[inline(always)]
     fn learn(&mut self, measured: &Measured) {
         let State { lags, clock, .. } = &mut *self.state;
-        let counted = if clock.samples > 0 { self.roster.live } else { [false; FEW] };
+        let counted = if clock.samples > 0 { self.roster.live } else { [0.0; FEW] };
         let Measured { seen, set, .. } = measured;
         lags.frequency.observe_few(&counted, &seen[0], &set[0]);
         lags.voltage.observe_few(&counted, &seen[1], &set[1]);
     }
 
     #[inline(always)]
-    fn advance(&mut self, sums: &[Four; FEW], P_set: &Lanes) {
-        let Roster { capacity_s, live, .. } = self.roster;
+    fn advance(&mut self, Rows(sums): &Rows, P_set: &Lanes, held: [Lanes; 3]) {
+        let Roster { capacity_s, kept, .. } = self.roster;
         let outputs = &mut self.state.outputs;
         let [mut u_omega, mut u_P, mut u_V, mut u_Q, mut u_E] = [[0.0; FEW]; 5];
         for (i, &[omega, p, v, q]) in sums.iter().enumerate() {
             (u_omega[i], u_P[i], u_V[i], u_Q[i]) = (omega + p, p, v + q, q);
         }
         for i in 0..FEW {
-            u_E[i] = if live[i] { -P_set[i] / capacity_s[i] } else { 0.0 };
+            u_E[i] = -P_set[i] / capacity_s[i];
         }
         store_few(&u_omega, &mut outputs.u_omega);
         store_few(&u_P, &mut outputs.u_P);
         store_few(&u_V, &mut outputs.u_V);
         store_few(&u_Q, &mut outputs.u_Q);
-        store_few(&u_E, &mut outputs.u_E);
+        store_few(&of_live(kept, &u_E, &[0.0; FEW]), &mut outputs.u_E);
         if !self.moves {
             return;
         }
-        let (mut omega_set, mut V_set) = (load_few(&outputs.omega_set), load_few(&outputs.V_set));
-        let mut exchange = load_few(&outputs.P_set);
+        let [omega_set, V_set, exchange] = held;
+        let (mut next_omega, mut next_V) = (omega_set, V_set);
         for i in 0..FEW {
-            omega_set[i] = if live[i] { omega_set[i] + self.h_s * u_omega[i] } else { omega_set[i] };
-            V_set[i] = if live[i] { V_set[i] + self.h_s * u_V[i] } else { V_set[i] };
-            exchange[i] = if live[i] { P_set[i] } else { exchange[i] };
+            next_omega[i] += self.h_s * u_omega[i];
+            next_V[i] += self.h_s * u_V[i];
         }
-        store_few(&omega_set, &mut outputs.omega_set);
-        store_few(&V_set, &mut outputs.V_set);
-        store_few(&exchange, &mut outputs.P_set);
+        store_few(&of_live(kept, &next_omega, &omega_set), &mut outputs.omega_set);
+        store_few(&of_live(kept, &next_V, &V_set), &mut outputs.V_set);
+        store_few(&of_live(kept, P_set, &exchange), &mut outputs.P_set);
     }
 
     #[inline(always)]
     fn diagnose(&mut self, measured: &Measured) {
         let Some(diagnosis) = &mut self.diagnosis else { return };
-        let n = self.n.min(FEW);
-        let [omega, p, V, q] = measured.signals.each_ref().map(|signal| &signal[..n]);
+        let n = self.live.len().min(FEW);
+        let [omega, p, V, q] = &measured.signals;
+        let mut agents = [[0.0; FEW]; 5];
+        for (agents, lanes) in agents.iter_mut().zip([omega, p, V, q, &measured.soc]) {
+            store_few(lanes, &mut agents[..n]);
+        }
+        let own = agents.each_ref().map(|signal| &signal[..n]);
         diagnosis.take(Seen {
             available: &self.state.adopted.available[..n],
-            live: &self.roster.live[..n],
-            told_p: p,
-            own: [omega, p, V, q, &measured.soc[..n]],
+            live: &self.live[..n],
+            told_p: own[1],
+            own,
         });
     }
 }

@@ -17,7 +17,6 @@
 use super::error::Problems;
 use super::lanes::{LANES, Lanes, load_few, store_few};
 use serde::{Deserialize, Serialize};
-use std::mem::swap;
 
 /// The longest lag looked for, steps.
 pub const LONGEST: usize = 3;
@@ -46,11 +45,11 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// Agents side by side: which of them count, y now and at the last step, sigma now and before.
+    /// Agents side by side: which of them count, as 0 and 1, y now and at the last step, sigma now and before.
     #[inline(always)]
     fn take(
         &mut self,
-        counted: &[bool; LANES],
+        counted: &Lanes,
         y: &[f64; LANES],
         last: &[f64; LANES],
         sigma: &[[f64; LANES]; CANDIDATES + 1],
@@ -68,9 +67,9 @@ impl Tally {
             }
             // At rest and at constant speed all lags are alike: the one found is held.
             let tells = worst - best > ROUNDINGS * f64::EPSILON * (y[lane].abs() + sigma[0][lane].abs());
-            let counts = if counted[lane] & tells { 1.0 } else { 0.0 };
+            let counts = if tells { counted[lane] } else { 0.0 };
             // As shares, so that one wild measurement weighs no more than another.
-            let share = counts / if counted[lane] & tells { worst } else { 1.0 };
+            let share = counts / if counts > 0.0 { worst } else { 1.0 };
             for k in 0..CANDIDATES {
                 self.missed[k][lane] += (errors[k] * share) * (errors[k] * share);
             }
@@ -236,9 +235,9 @@ impl Lag {
                 }
                 lanes
             };
-            let mut counted = [false; LANES];
+            let mut counted = [0.0; LANES];
             for (counted, &live) in counted.iter_mut().zip(&live[at.clone()]) {
-                *counted = compare & live;
+                *counted = if compare & live { 1.0 } else { 0.0 };
             }
             let droop = load(droop);
             let (y, sigma) = (
@@ -251,22 +250,33 @@ impl Lag {
         }
     }
 
-    /// As [`Self::observe`] for as many agents as go side by side; `counted`, y and sigma are filled up to their
-    /// number.
+    /// As [`Self::observe`] for as many agents as go side by side; `counted` counts each
+    /// once.
     #[inline(always)]
-    pub(super) fn observe_few(&mut self, counted: &[bool; LANES], y: &Lanes, sigma: &Lanes) {
+    pub(super) fn observe_few(&mut self, counted: &Lanes, y: &Lanes, sigma: &Lanes) {
         let mut tally = Tally::default();
-        let [past_0, past_1, past_2, past_3] = &mut self.past;
-        let pasts = [*sigma, load_few(past_0), load_few(past_1), load_few(past_2), load_few(past_3)];
+        let [first, second, third, fourth] = &mut self.past;
+        let pasts = [*sigma, load_few(first), load_few(second), load_few(third), load_few(fourth)];
         tally.take(counted, y, &load_few(&self.last), &pasts);
         store_few(y, &mut self.last);
-        store_few(sigma, past_3);
-        self.conclude(tally);
+        // Takes less than to let the vectors change places.
+        for (past, values) in [first, second, third, fourth].into_iter().zip(&pasts) {
+            store_few(values, past);
+        }
+        self.weigh(tally);
     }
 
     /// Draws the conclusion when all agents are noted.
-    #[inline(always)]
     pub(super) fn conclude(&mut self, tally: Tally) {
+        // As rotate_right(1), which would be a call.
+        for k in (1..CANDIDATES).rev() {
+            self.past.swap(k - 1, k);
+        }
+        self.weigh(tally);
+    }
+
+    #[inline(always)]
+    fn weigh(&mut self, tally: Tally) {
         let (mut missed, mut weight) = ([0.0; CANDIDATES], 0.0);
         for lane in 0..LANES {
             for k in 0..CANDIDATES {
@@ -274,11 +284,6 @@ impl Lag {
             }
             weight += tally.weight[lane];
         }
-        // As rotate_right(1), which would be a call.
-        let [first, second, third, fourth] = &mut self.past;
-        swap(third, fourth);
-        swap(second, third);
-        swap(first, second);
         if weight == 0.0 {
             return;
         }
@@ -286,11 +291,13 @@ impl Lag {
             *sum = FORGETTING * *sum + now;
         }
         self.weight = FORGETTING * self.weight + weight;
-        let best =
-            (1..CANDIDATES).fold(0, |best, k| if self.missed[k] < self.missed[best] { k } else { best });
-        let clearly = self.missed[best] < CLEARLY_LESS * self.missed[self.steps];
+        let (mut best, mut least) = (0, self.missed[0]);
+        for k in 1..CANDIDATES {
+            (best, least) = if self.missed[k] < least { (k, self.missed[k]) } else { (best, least) };
+        }
+        let clearly = least < CLEARLY_LESS * self.missed[self.steps];
         // What has dynamics of its own looks late by now more, now fewer steps: the most is the safe one.
-        if clearly && (best > self.steps || self.missed[best] <= EXPLAINED * self.weight) {
+        if clearly && (best > self.steps || least <= EXPLAINED * self.weight) {
             self.steps = best;
         }
     }

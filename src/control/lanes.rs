@@ -5,55 +5,47 @@
 pub(super) const LANES: usize = 8;
 const HALF: usize = LANES / 2;
 
-/// Values side by side; those of nobody are 0.
+/// Values side by side. The first half holds the first values, the other one the last: with less than all, those in
+/// the middle stand in both, and with less than half of all, 0 stands where there is none.
 pub(super) type Lanes = [f64; LANES];
 
-/// The first values, at most as many as there are lanes. By their number, because a copy of a length that nobody
-/// knows is a call or goes through memory twice.
+/// Where value `i` of `n` stands, the first time.
+pub(super) fn lane(i: usize, n: usize) -> usize {
+    if n < HALF || i < HALF { i } else { i + LANES - n }
+}
+
+/// Out of an array, two halves at once: a copy of a length that nobody knows would be a call, or go through memory
+/// twice.
 #[inline(always)]
 pub(super) fn load_few(values: &[f64]) -> Lanes {
-    let (first, rest) = match values.split_first_chunk::<HALF>() {
-        Some((first, rest)) => (*first, load_half(rest)),
-        None => (load_half(values), [0.0; HALF]),
-    };
     let mut lanes = [0.0; LANES];
-    lanes[..HALF].copy_from_slice(&first);
-    lanes[HALF..].copy_from_slice(&rest);
+    if let (Some(first), Some(last)) = (values.first_chunk::<HALF>(), values.last_chunk::<HALF>()) {
+        lanes[..HALF].copy_from_slice(first);
+        lanes[HALF..].copy_from_slice(last);
+    } else {
+        for lane in 0..HALF {
+            if let Some(&value) = values.get(lane) {
+                lanes[lane] = value;
+            }
+        }
+    }
     lanes
 }
 
-#[inline(always)]
-fn load_half(values: &[f64]) -> [f64; HALF] {
-    match *values {
-        [] => [0.0; HALF],
-        [a] => [a, 0.0, 0.0, 0.0],
-        [a, b] => [a, b, 0.0, 0.0],
-        [a, b, c] => [a, b, c, 0.0],
-        [a, b, c, d, ..] => [a, b, c, d],
-    }
-}
-
-/// The other way.
+/// The other way; of what stands twice the first counts.
 #[inline(always)]
 pub(super) fn store_few(lanes: &Lanes, values: &mut [f64]) {
-    match values.split_first_chunk_mut::<HALF>() {
-        Some((first, rest)) => {
-            first.copy_from_slice(&lanes[..HALF]);
-            store_half(&lanes[HALF..], rest);
+    let Some(last) = values.last_chunk_mut::<HALF>() else {
+        for lane in 0..HALF {
+            if let Some(value) = values.get_mut(lane) {
+                *value = lanes[lane];
+            }
         }
-        None => store_half(&lanes[..HALF], values),
-    }
-}
-
-#[inline(always)]
-fn store_half(lanes: &[f64], values: &mut [f64]) {
-    let &[a, b, c, d] = lanes else { return };
-    match values {
-        [] => {}
-        [x] => *x = a,
-        [x, y] => (*x, *y) = (a, b),
-        [x, y, z] => (*x, *y, *z) = (a, b, c),
-        [x, y, z, w, ..] => (*x, *y, *z, *w) = (a, b, c, d),
+        return;
+    };
+    last.copy_from_slice(&lanes[HALF..]);
+    if let Some(first) = values.first_chunk_mut::<HALF>() {
+        first.copy_from_slice(&lanes[..HALF]);
     }
 }
 
@@ -63,15 +55,18 @@ mod tests {
 
     #[test]
     fn in_and_out_at_every_length() {
-        let values: Vec<f64> = (1..=9).map(f64::from).collect();
-        for n in 0..=values.len() {
-            let lanes = load_few(&values[..n]);
-            let expected = |k: usize| if k < n { values[k] } else { 0.0 };
-            assert!((0..LANES).all(|k| lanes[k] == expected(k)), "{n}: {lanes:?}");
-            let mut out = vec![-1.0; values.len()];
+        let values: Vec<f64> = (1..=8).map(f64::from).collect();
+        for n in 0..=LANES {
+            let mut lanes = load_few(&values[..n]);
+            assert!((0..n).all(|i| lanes[lane(i, n)] == values[i]), "{n}: {lanes:?}");
+            assert!(n >= HALF || lanes[n..].iter().all(|x| *x == 0.0), "{n}: {lanes:?}");
+            // What stands twice may differ in the second place.
+            for k in (0..LANES).filter(|&k| (0..n).all(|i| lane(i, n) != k)) {
+                lanes[k] = f64::NAN;
+            }
+            let mut out = [-1.0; LANES];
             store_few(&lanes, &mut out[..n]);
-            let expected = |k: usize| if k < n.min(LANES) { values[k] } else { -1.0 };
-            assert!((0..out.len()).all(|k| out[k] == expected(k)), "{n}: {out:?}");
+            assert!((0..LANES).all(|i| out[i] == if i < n { values[i] } else { -1.0 }), "{n}: {out:?}");
         }
     }
 }

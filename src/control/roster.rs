@@ -3,10 +3,10 @@
 
 use super::exchange::SECONDS_PER_HOUR;
 use super::io::Parameters;
-use super::lanes::{LANES, Lanes, load_few};
+use super::lanes::{LANES, Lanes, lane, load_few};
 use super::network::Network;
 
-/// Agents and links, at most [`LANES`] of the former.
+/// Agents, at most [`LANES`], and their links.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Roster {
     pub K_P: Lanes,
@@ -14,17 +14,20 @@ pub(super) struct Roster {
     /// C_i, pu*h; 1 of nobody. And 3600 C_i, pu*s.
     pub capacity: Lanes,
     pub capacity_s: Lanes,
-    /// Who takes part.
-    pub live: [bool; LANES],
+    /// Who takes part, each once, as 0 and 1; and as bits to be kept.
+    pub live: Lanes,
+    pub kept: [u64; LANES],
     pub links: Vec<Link>,
+    pub pulls: Vec<Pull>,
     is_made: bool,
 }
 
 /// An edge, and what the exchange along it has to know of its ends.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Link {
-    pub a: usize,
-    pub b: usize,
+    /// The two ends: their lanes, and the agents.
+    pub lanes: [usize; 2],
+    pub ends: [usize; 2],
     /// w_ab.
     pub weight: f64,
     /// 1 / (1 + max(deg_a, deg_b)).
@@ -38,13 +41,24 @@ pub(super) struct Link {
     pub limit: f64,
 }
 
+/// A pin to the virtual leader.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pull {
+    /// Of the agent.
+    pub lane: usize,
+    /// a_0i.
+    pub weight: f64,
+    /// 1 / (1 + deg_i).
+    pub share: f64,
+}
+
 impl Roster {
     /// Something may have changed.
     pub fn expire(&mut self) {
         self.is_made = false;
     }
 
-    /// Makes it where something may have changed. Allocates nothing while there are no more edges than ever before.
+    /// Makes it where something may have changed. Allocates nothing while there are no more links than ever before.
     #[inline]
     pub fn renew(&mut self, network: &Network, live: &[bool], parameters: &Parameters) {
         if !self.is_made {
@@ -54,31 +68,38 @@ impl Roster {
 
     #[cold]
     fn make(&mut self, network: &Network, live: &[bool], parameters: &Parameters) {
-        (self.K_P, self.K_Q) = (load_few(&parameters.K_P), load_few(&parameters.K_Q));
-        (self.capacity, self.live) = ([1.0; LANES], [false; LANES]);
-        for (to, from) in self.capacity.iter_mut().zip(&parameters.capacity) {
-            *to = *from;
-        }
-        for (to, from) in self.live.iter_mut().zip(live) {
-            *to = *from;
-        }
+        let n = live.len();
+        let Parameters { K_P, K_Q, capacity, P_exchange_max, .. } = parameters;
+        (self.K_P, self.K_Q) = (load_few(K_P), load_few(K_Q));
+        self.capacity = load_few(capacity).map(|capacity| if capacity == 0.0 { 1.0 } else { capacity });
         self.capacity_s = self.capacity.map(|capacity| SECONDS_PER_HOUR * capacity);
+        self.live = [0.0; LANES];
+        for i in (0..n.min(LANES)).filter(|&i| live[i]) {
+            self.live[lane(i, n)] = 1.0;
+        }
+        self.kept = self.live.map(|live| if live > 0.0 { u64::MAX } else { 0 });
         let peers = |i: usize| f64::from(network.graph.peers(i));
-        let limit = |i: usize| parameters.P_exchange_max[i] / peers(i);
+        let limit = |i: usize| P_exchange_max[i] / peers(i);
         self.links.clear();
         self.links.extend(network.graph.edges().iter().zip(&network.shares).map(|(edge, &share)| {
             let (a, b) = edge.ends();
             let limits = [limit(a), limit(b)];
             Link {
-                a,
-                b,
+                lanes: [lane(a, n), lane(b, n)],
+                ends: [a, b],
                 weight: edge.weight,
                 share,
-                least_s: SECONDS_PER_HOUR * parameters.capacity[a].min(parameters.capacity[b]),
+                least_s: SECONDS_PER_HOUR * capacity[a].min(capacity[b]),
                 crowd: (1.0 + peers(a)).max(1.0 + peers(b)),
                 limits,
                 limit: limits[0].min(limits[1]),
             }
+        }));
+        self.pulls.clear();
+        self.pulls.extend(network.pins.iter().map(|pin| Pull {
+            lane: lane(pin.agent, n),
+            weight: pin.weight,
+            share: pin.share,
         }));
         self.is_made = true;
     }
