@@ -110,10 +110,21 @@ fn same_bits_of(plain: Config, mut random: Random) {
 
 #[test]
 fn few_agents_and_many_at_all_exponents() {
-    for n in [7, 255, 257, 1000] {
+    for n in [4, 6, 7, 8, 255, 257, 1000] {
         for eta in [0.5, 0.3, 1.0] {
             same_bits(n, eta, Discretisation::Capped);
         }
+    }
+}
+
+#[test]
+fn very_few_agents() {
+    for n in [2, 3] {
+        let mut random = Random(n as u64 + 1);
+        let edges = (1..n).map(|i| edge(i - 1, i, random.within(0.2, 1.0))).collect();
+        let chain =
+            Config { communication: explicit(edges, vec![pin(1, 0.7)]), ..with(n, Vec::new(), &mut random) };
+        same_bits_of(chain, random);
     }
 }
 
@@ -172,5 +183,48 @@ fn along_diagonals_with_and_without_gaps() {
             let plain = Config { eta, ..band(n, missing, &mut random) };
             same_bits_of(plain, random);
         }
+    }
+}
+
+/// What a step that nobody sees does not make.
+fn without_diagnostics(outputs: &Outputs) -> Outputs {
+    Outputs {
+        spread_P: 0.0,
+        spread_Q: 0.0,
+        spread_E: 0.0,
+        error_omega: 0.0,
+        error_V: 0.0,
+        lambda_2: 0.0,
+        T_P: 0.0,
+        T_omega: 0.0,
+        ..outputs.clone()
+    }
+}
+
+#[test]
+fn a_step_that_nobody_sees_moves_alike() {
+    for n in [4, 5, 7, 8, 300] {
+        let mut random = Random(n as u64);
+        let mut seen = Controller::new(config(n, &mut random)).unwrap();
+        let (mut unseen, mut looked_at) = (seen.clone(), seen.clone());
+        for k in 0..14 {
+            let start_ns = k as i64 * 10_000_000;
+            let again = random.next() | 1;
+            for controller in [&mut seen, &mut unseen, &mut looked_at] {
+                measure(controller, k, &mut Random(again));
+            }
+            looked_at.refresh(&mut |_| {});
+            assert!(k == 0 || looked_at.outputs().spread_P > 0.0);
+            seen.step(start_ns, 10_000_000, &mut |_| {});
+            unseen.step_unseen(start_ns, 10_000_000, &mut |_| {});
+            looked_at.step_unseen(start_ns, 10_000_000, &mut |_| {});
+            assert!(bits(&unseen) == bits(&looked_at), "n = {n}, step {k}: a look between steps shows");
+            let [moved, expected] = [&unseen, &seen].map(|c| without_diagnostics(c.outputs()));
+            assert_eq!(moved, expected, "n = {n}, step {k}");
+            let mut after = [seen.clone(), unseen.clone()];
+            after.iter_mut().for_each(|controller| controller.refresh(&mut |_| {}));
+            assert!(bits(&after[0]) == bits(&after[1]), "n = {n}, step {k}, refreshed");
+        }
+        assert!(seen.outputs().T_P > 0.0 && unseen.outputs().T_P == 0.0, "n = {n}: nothing was spared");
     }
 }

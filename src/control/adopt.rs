@@ -125,6 +125,7 @@ impl Controller {
         self.network = Network::new(graph).sorting_out(self.fixed.outlier_filter);
         self.surround();
         self.scratch.wave = Wave::new(&self.network);
+        self.scratch.roster.expire();
         let edges = self.network.graph.edges().len();
         self.scratch.flows = vec![0.0; edges];
         self.scratch.transfers = vec![0.0; edges];

@@ -15,7 +15,8 @@ use super::lag::Lag;
 use super::limits::LimitTable;
 use super::messages::{Messages, Standing};
 use super::network::{Lateness, Network};
-use super::plain::is_plain;
+use super::plain::{Pass, is_plain};
+use super::roster::Roster;
 use super::state::{Adopted, Before, Clock, Lags, State};
 use super::time::{nanoseconds, seconds};
 use super::told::MessageFault;
@@ -76,6 +77,7 @@ pub(super) struct Scratch {
     pub owed: [Vec<f64>; 2],
     pub authority: Vec<Authority>,
     pub wave: Wave,
+    pub roster: Roster,
     /// Ended links by agent.
     pub ended: Vec<u32>,
     /// What agents tell, who tells nothing and who has stopped; empty without faults of messages.
@@ -200,6 +202,7 @@ impl Controller {
 
     /// The parameters, to be set within the ranges that [`Parameters::validate`] checks.
     pub fn parameters_mut(&mut self) -> &mut Parameters {
+        self.scratch.roster.expire();
         &mut self.state.parameters
     }
 
@@ -289,7 +292,7 @@ impl Controller {
         self.adopt(false, events);
         let clock = self.state.clock;
         if self.is_plain() {
-            self.look_around(clock.step_ns, false);
+            self.look_around(clock.step_ns, Pass::Look);
         } else {
             self.evaluate(clock.now_ns, clock.step_ns);
         }
@@ -299,13 +302,22 @@ impl Controller {
     /// being the measurements of its beginning. A step of no length changes nothing. Allocates nothing,
     /// unless a graph or parameters changed that no refresh has seen.
     pub fn step(&mut self, start_ns: i64, duration_ns: i64, events: &mut dyn FnMut(Event)) {
+        self.step_by(Pass::LookAndMove, start_ns, duration_ns, events);
+    }
+
+    /// The same for whoever calls [`Self::refresh`] before reading a diagnostic: those of this step may be left at 0.
+    pub fn step_unseen(&mut self, start_ns: i64, duration_ns: i64, events: &mut dyn FnMut(Event)) {
+        self.step_by(Pass::Move, start_ns, duration_ns, events);
+    }
+
+    fn step_by(&mut self, pass: Pass, start_ns: i64, duration_ns: i64, events: &mut dyn FnMut(Event)) {
         if duration_ns <= 0 {
             return;
         }
         let changes = self.take_standings();
         self.adopt(changes, events);
         if self.is_plain() {
-            self.look_around(duration_ns, true);
+            self.look_around(duration_ns, pass);
             self.pass(start_ns, duration_ns);
         } else {
             self.fade_in_who_is_back(start_ns);
@@ -315,8 +327,8 @@ impl Controller {
     }
 
     /// The plain way, for few or for many.
-    fn look_around(&mut self, h_ns: i64, moves: bool) {
-        if self.agents() <= FEW { self.visit_few(h_ns, moves) } else { self.sweep(h_ns, moves) }
+    fn look_around(&mut self, h_ns: i64, pass: Pass) {
+        if self.agents() <= FEW { self.visit_few(h_ns, pass) } else { self.sweep(h_ns, pass) }
     }
 
     /// The state, to be kept for a rollback.
@@ -343,6 +355,7 @@ impl Controller {
                 return Err(error);
             }
         }
+        self.scratch.roster.expire();
         self.tune_to_state();
         Ok(())
     }

@@ -353,16 +353,22 @@ impl Controller {
                 ],
             });
         }
-        self.tell(&diagnosis);
+        self.tell(Some(&diagnosis));
     }
 
-    /// Sets the diagnostic outputs.
-    pub(super) fn tell(&mut self, diagnosis: &Diagnosis) {
+    /// Sets the diagnostic outputs; to 0 where nobody has looked, whatever was there before.
+    pub(super) fn tell(&mut self, diagnosis: Option<&Diagnosis>) {
+        let outputs = &mut self.state.outputs;
+        let Some(diagnosis) = diagnosis else {
+            [outputs.spread_P, outputs.spread_Q, outputs.spread_E] = [0.0; 3];
+            [outputs.error_omega, outputs.error_V] = [0.0; 2];
+            [outputs.lambda_2, outputs.T_P, outputs.T_omega] = [0.0; 3];
+            return;
+        };
         let eta = self.state.parameters.eta;
         let [norm_p, norm_omega] = diagnosis.norms();
         let T_P = self.spectrum.P.settling_time(norm_p, eta);
         let T_omega = self.spectrum.omega.settling_time(norm_omega, eta);
-        let outputs = &mut self.state.outputs;
         [outputs.spread_P, outputs.spread_Q, outputs.spread_E] = diagnosis.spreads();
         [outputs.error_omega, outputs.error_V] = diagnosis.errors();
         (outputs.lambda_2, outputs.T_P, outputs.T_omega) = (self.spectrum.lambda_2, T_P, T_omega);

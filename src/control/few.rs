@@ -1,34 +1,61 @@
 //! A step or an evaluation of up to eight agents: the laws of `protocol` and `exchange` under the conditions of `sweep`, without what
-//! a sweep spends on getting ready. One quantity a lane; agents and edges one after the other. Gives the bits of
-//! `evaluate` and `step`.
+//! a sweep spends on getting ready (`roster` keeps that). Agents side by side, edges one after the other, their four
+//! signals at once. Gives the bits of `evaluate` and `step`.
 
 use super::controller::Controller;
 use super::diagnosis::{Diagnosis, Seen};
 use super::discretisation::SignPower;
 use super::exchange::SECONDS_PER_HOUR;
-use super::lag::{LANES, load_few, no_load, no_loads};
-use super::network::Network;
+use super::lag::no_loads;
+use super::lanes::{LANES, Lanes, load_few, store_few};
+use super::plain::Pass;
 use super::power::power;
+use super::roster::Roster;
 use super::state::State;
 use super::time::seconds;
 use pulp::{Arch, NullaryFnOnce};
 
-/// The most agents of such a step: those whose lags are found side by side.
+/// The most agents of such a step: those that go side by side.
 pub const FEW: usize = LANES;
 
 /// omega, p, V, q.
 type Four = [f64; 4];
 
-/// What an edge has to know of one of its ends.
-#[derive(Clone, Copy, Default)]
-struct Place {
-    signals: Four,
-    soc: f64,
-    capacity: f64,
-    /// P_exchange_max_i / peers_i, pu.
-    limit: f64,
-    /// 1 + peers_i.
-    crowd: f64,
+/// The same of each lane. Aligned, so that none lies across two lines of the cache.
+#[derive(Default)]
+#[repr(align(64))]
+struct Rows([Four; FEW]);
+
+/// What agents know of themselves.
+struct Measured {
+    /// omega, p, V, q, the moves in it that are not seen yet.
+    signals: [Lanes; 4],
+    soc: Lanes,
+    /// At no load, measured and set: frequency and voltage.
+    seen: [Lanes; 2],
+    set: [Lanes; 2],
+    /// omega_set, V_set and P_set until the step moves them.
+    held: [Lanes; 3],
+}
+
+/// The sums.
+#[inline(always)]
+fn added(a: &Lanes, b: &Lanes) -> Lanes {
+    let mut sums = *a;
+    for i in 0..FEW {
+        sums[i] += b[i];
+    }
+    sums
+}
+
+/// `new` of who takes part, `old` of the others.
+#[inline(always)]
+fn of_live(kept: &[u64; FEW], new: &Lanes, old: &Lanes) -> Lanes {
+    let mut chosen = *old;
+    for i in 0..FEW {
+        chosen[i] = f64::from_bits(new[i].to_bits() & kept[i] | old[i].to_bits() & !kept[i]);
+    }
+    chosen
 }
 
 /// The laws of the four signals.
@@ -79,38 +106,39 @@ impl Laws {
 
 impl Controller {
     /// As `sweep`, for at most [`FEW`] agents.
-    pub(super) fn visit_few(&mut self, h_ns: i64, moves: bool) {
+    pub(super) fn visit_few(&mut self, h_ns: i64, pass: Pass) {
         let h_s = seconds(h_ns);
-        let (parameters, lags) = (&self.state.parameters, &self.state.lags);
-        let flows = [
-            self.flow(parameters.gain_omega, &lags.frequency, h_s),
-            self.flow(parameters.gain_P, &lags.frequency, h_s),
-            self.flow(parameters.gain_V, &lags.voltage, h_s),
-            self.flow(parameters.gain_Q, &lags.voltage, h_s),
-        ];
+        // Here, because a call in between would put all vectors aside.
+        self.state.outputs.saturated.fill(false);
+        let State { parameters, lags, inputs, .. } = &self.state;
+        self.scratch.roster.renew(&self.network, &self.topology.live, parameters);
+        let omega = self.flow(parameters.gain_omega, &lags.frequency, h_s);
+        let V = self.flow(parameters.gain_V, &lags.voltage, h_s);
         let up_to_date = self.is_up_to_date();
-        let inputs = &self.state.inputs;
-        let mut diagnosis =
-            Diagnosis::new(inputs.omega_ref, inputs.V_ref, inputs.dispatch.then_some(inputs.P_ref));
+        let mut diagnosis = pass
+            .looks()
+            .then(|| Diagnosis::new(inputs.omega_ref, inputs.V_ref, inputs.dispatch.then_some(inputs.P_ref)));
         Arch::new().dispatch(Visit {
             laws: Laws {
-                power: flows[0].power,
-                gains: flows.map(|flow| flow.gain),
-                inverse_thetas: flows.map(|flow| flow.inverse_theta),
+                power: omega.power,
+                gains: [omega.gain, parameters.gain_P, V.gain, parameters.gain_Q],
+                inverse_thetas: [omega.inverse_theta, omega.inverse_theta, V.inverse_theta, V.inverse_theta],
             },
             gain_E: SECONDS_PER_HOUR * parameters.gain_E,
             theta_E_s: self.exchange_layer(h_s).max(0.0),
             fade: self.fade(h_ns),
             h_s,
-            moves,
-            adds_unseen: [lags.frequency.adds_unseen(), lags.voltage.adds_unseen()]
-                .map(|adds| adds && up_to_date),
-            network: &self.network,
+            moves: pass.moves(),
+            adds_unseen: [
+                lags.frequency.adds_unseen() && up_to_date,
+                lags.voltage.adds_unseen() && up_to_date,
+            ],
+            roster: &self.scratch.roster,
             live: &self.topology.live,
             state: &mut self.state,
-            diagnosis: &mut diagnosis,
+            diagnosis: diagnosis.as_mut(),
         });
-        self.tell(&diagnosis);
+        self.tell(diagnosis.as_ref());
     }
 }
 
@@ -123,10 +151,10 @@ struct Visit<'a> {
     h_s: f64,
     moves: bool,
     adds_unseen: [bool; 2],
-    network: &'a Network,
+    roster: &'a Roster,
     live: &'a [bool],
     state: &'a mut State,
-    diagnosis: &'a mut Diagnosis,
+    diagnosis: Option<&'a mut Diagnosis>,
 }
 
 impl NullaryFnOnce for Visit<'_> {
@@ -134,85 +162,71 @@ impl NullaryFnOnce for Visit<'_> {
 
     #[inline(always)]
     fn call(mut self) {
-        let places = self.measure();
-        let (mut sums, mut P_set) = ([Four::default(); FEW], [0.0; FEW]);
-        self.edges(&places, &mut sums, &mut P_set);
-        self.pins(&places, &mut sums);
+        let measured = self.measure();
         if self.moves {
-            self.learn();
+            self.learn(&measured);
         }
-        self.advance(&sums, &P_set);
-        self.diagnose(&places);
+        let (mut sums, mut P_set) = (Rows::default(), [0.0; FEW]);
+        self.edges(&measured, &mut sums, &mut P_set);
+        self.pull(&measured, &mut sums);
+        self.advance(&sums, &P_set, measured.held);
+        self.diagnose(&measured);
     }
 }
 
 impl Visit<'_> {
     #[inline(always)]
-    fn measure(&mut self) -> [Place; FEW] {
-        let State { inputs, parameters, outputs, lags, .. } = &mut *self.state;
-        let n = self.live.len().min(FEW);
-        let mut places = [Place::default(); FEW];
-        let (omega, P, V) = (&inputs.omega[..n], &inputs.P[..n], &inputs.V[..n]);
-        let (Q, E, peers) = (&inputs.Q[..n], &inputs.E[..n], &self.network.graph.all_peers()[..n]);
-        let (K_P, K_Q, capacity) = (&parameters.K_P[..n], &parameters.K_Q[..n], &parameters.capacity[..n]);
-        let (P_max, P_set, Q_set) =
-            (&parameters.P_exchange_max[..n], &outputs.P_set[..n], &outputs.Q_set[..n]);
-        for i in 0..n {
-            let peers = f64::from(peers[i]);
-            places[i] = Place {
-                signals: [omega[i], K_P[i] * (P[i] - P_set[i]), V[i], K_Q[i] * (Q[i] - Q_set[i])],
-                soc: E[i] / capacity[i],
-                capacity: capacity[i],
-                limit: P_max[i] / peers,
-                crowd: 1.0 + peers,
-            };
+    fn measure(&self) -> Measured {
+        let State { inputs, outputs, lags, .. } = &*self.state;
+        let Roster { K_P, K_Q, capacity, .. } = self.roster;
+        let (mut omega, mut V) = (load_few(&inputs.omega), load_few(&inputs.V));
+        let (P, Q, E) = (load_few(&inputs.P), load_few(&inputs.Q), load_few(&inputs.E));
+        let (P_set, Q_set) = (load_few(&outputs.P_set), load_few(&outputs.Q_set));
+        let (omega_set, V_set) = (load_few(&outputs.omega_set), load_few(&outputs.V_set));
+        let set = [no_loads(&omega_set, K_P, &P_set), no_loads(&V_set, K_Q, &Q_set)];
+        let seen = [no_loads(&omega, K_P, &P), no_loads(&V, K_Q, &Q)];
+        let [mut p, mut q, mut soc] = [[0.0; FEW]; 3];
+        for i in 0..FEW {
+            p[i] = K_P[i] * (P[i] - P_set[i]);
+            q[i] = K_Q[i] * (Q[i] - Q_set[i]);
+            soc[i] = E[i] / capacity[i];
         }
         if self.adds_unseen[0] {
-            for i in 0..n {
-                let sigma = no_load(outputs.omega_set[i], K_P[i], P_set[i]);
-                places[i].signals[0] += lags.frequency.unseen(i, sigma);
-            }
+            omega = added(&omega, &lags.frequency.unseen_few(&set[0]));
         }
         if self.adds_unseen[1] {
-            for i in 0..n {
-                let sigma = no_load(outputs.V_set[i], K_Q[i], Q_set[i]);
-                places[i].signals[2] += lags.voltage.unseen(i, sigma);
-            }
+            V = added(&V, &lags.voltage.unseen_few(&set[1]));
         }
-        places
+        Measured { signals: [omega, p, V, q], soc, seen, set, held: [omega_set, V_set, P_set] }
     }
 
     #[inline(always)]
-    fn edges(&mut self, places: &[Place; FEW], sums: &mut [Four; FEW], P_set: &mut [f64; FEW]) {
+    fn edges(&mut self, measured: &Measured, Rows(sums): &mut Rows, P_set: &mut Lanes) {
+        let Measured { signals, soc, .. } = measured;
         let saturated = &mut self.state.outputs.saturated[..];
-        saturated.fill(false);
-        let links = self.network.graph.edges().iter().zip(&self.network.shares);
-        for ((edge, &share), last) in links.zip(&mut self.state.flows) {
-            // Ends are below eight: what looks like a mask is no check.
-            let (a, b) = (edge.a as usize % FEW, edge.b as usize % FEW);
-            let (at_a, at_b) = (&places[a], &places[b]);
-            let mut d = at_a.signals;
+        for (link, last) in self.roster.links.iter().zip(&mut self.state.flows) {
+            // Lanes are below eight: what looks like a mask is no check.
+            let [a, b] = [link.lanes[0] % FEW, link.lanes[1] % FEW];
+            let mut d = Four::default();
             for k in 0..4 {
-                d[k] -= at_b.signals[k];
+                d[k] = signals[k][a] - signals[k][b];
             }
-            let flow = self.laws.along(edge.weight, d, share);
+            let flow = self.laws.along(link.weight, d, link.share);
             for k in 0..4 {
                 sums[a][k] -= flow[k];
                 sums[b][k] += flow[k];
             }
-            let d = at_a.soc - at_b.soc;
+            let d = soc[a] - soc[b];
             let [s] = self.laws.magnitudes([d.abs()]);
-            let law = self.gain_E * edge.weight * s;
-            let least = at_a.capacity.min(at_b.capacity);
-            let cap = SECONDS_PER_HOUR * least * d.abs() / (self.theta_E_s * at_a.crowd.max(at_b.crowd));
+            let law = self.gain_E * link.weight * s;
+            let cap = link.least_s * d.abs() / (self.theta_E_s * link.crowd);
             let wanted = if cap < law { cap } else { law };
-            let most = at_a.limit.min(at_b.limit);
             let mut exchange = wanted;
-            if wanted > most {
-                exchange = most;
-                for (end, place) in [(a, at_a), (b, at_b)] {
+            if wanted > link.limit {
+                exchange = link.limit;
+                for (end, limit) in link.ends.into_iter().zip(link.limits) {
                     if let Some(saturated) = saturated.get_mut(end) {
-                        *saturated |= wanted > place.limit;
+                        *saturated |= wanted > limit;
                     }
                 }
             }
@@ -228,18 +242,19 @@ impl Visit<'_> {
         }
     }
 
+    /// Of the virtual leader.
     #[inline(always)]
-    fn pins(&self, places: &[Place; FEW], sums: &mut [Four; FEW]) {
+    fn pull(&self, Measured { signals, .. }: &Measured, Rows(sums): &mut Rows) {
         let inputs = &self.state.inputs;
         let references = [inputs.omega_ref, inputs.P_ref, inputs.V_ref, 0.0];
         let pulled = [true, inputs.dispatch, true, false];
-        for pin in &self.network.pins {
-            let i = pin.agent % FEW;
-            let mut d = places[i].signals;
+        for pull in &self.roster.pulls {
+            let i = pull.lane % FEW;
+            let mut d = Four::default();
             for k in 0..4 {
-                d[k] -= references[k];
+                d[k] = signals[k][i] - references[k];
             }
-            let flow = self.laws.along(pin.weight, d, pin.share);
+            let flow = self.laws.along(pull.weight, d, pull.share);
             for k in 0..4 {
                 sums[i][k] -= if pulled[k] { flow[k] } else { 0.0 };
             }
@@ -248,54 +263,59 @@ impl Visit<'_> {
 
     /// How late the measurements are, from the setpoints before they move.
     #[inline(always)]
-    fn learn(&mut self) {
-        let State { inputs, parameters, outputs, lags, clock, .. } = &mut *self.state;
-        let mut counted = [false; FEW];
-        for (counted, live) in counted.iter_mut().zip(self.live) {
-            *counted = *live & (clock.samples > 0);
-        }
-        let (K_P, K_Q) = (load_few(&parameters.K_P), load_few(&parameters.K_Q));
-        let y = no_loads(load_few(&inputs.omega), K_P, load_few(&inputs.P));
-        let sigma = no_loads(load_few(&outputs.omega_set), K_P, load_few(&outputs.P_set));
-        lags.frequency.observe_few(&counted, &y, &sigma);
-        let y = no_loads(load_few(&inputs.V), K_Q, load_few(&inputs.Q));
-        let sigma = no_loads(load_few(&outputs.V_set), K_Q, load_few(&outputs.Q_set));
-        lags.voltage.observe_few(&counted, &y, &sigma);
+    fn learn(&mut self, measured: &Measured) {
+        let State { lags, clock, .. } = &mut *self.state;
+        let counted = if clock.samples > 0 { self.roster.live } else { [0.0; FEW] };
+        let Measured { seen, set, .. } = measured;
+        lags.frequency.observe_few(&counted, &seen[0], &set[0]);
+        lags.voltage.observe_few(&counted, &seen[1], &set[1]);
     }
 
     #[inline(always)]
-    fn advance(&mut self, sums: &[Four; FEW], P_set: &[f64; FEW]) {
-        let (h_s, live) = (self.h_s, self.live);
-        let n = live.len().min(FEW);
-        let State { parameters, outputs, .. } = &mut *self.state;
-        let (u_omega, u_P) = (&mut outputs.u_omega[..n], &mut outputs.u_P[..n]);
-        let (u_V, u_Q, u_E) = (&mut outputs.u_V[..n], &mut outputs.u_Q[..n], &mut outputs.u_E[..n]);
-        let (omega_set, V_set) = (&mut outputs.omega_set[..n], &mut outputs.V_set[..n]);
-        let (exchange, capacity) = (&mut outputs.P_set[..n], &parameters.capacity[..n]);
-        for i in 0..n {
-            let [omega, p, v, q] = sums[i];
+    fn advance(&mut self, Rows(sums): &Rows, P_set: &Lanes, held: [Lanes; 3]) {
+        let Roster { capacity_s, kept, .. } = self.roster;
+        let outputs = &mut self.state.outputs;
+        let [mut u_omega, mut u_P, mut u_V, mut u_Q, mut u_E] = [[0.0; FEW]; 5];
+        for (i, &[omega, p, v, q]) in sums.iter().enumerate() {
             (u_omega[i], u_P[i], u_V[i], u_Q[i]) = (omega + p, p, v + q, q);
-            u_E[i] = if live[i] { -P_set[i] / (SECONDS_PER_HOUR * capacity[i]) } else { 0.0 };
-            if live[i] && self.moves {
-                omega_set[i] += h_s * u_omega[i];
-                V_set[i] += h_s * u_V[i];
-                exchange[i] = P_set[i];
-            }
         }
+        for i in 0..FEW {
+            u_E[i] = -P_set[i] / capacity_s[i];
+        }
+        store_few(&u_omega, &mut outputs.u_omega);
+        store_few(&u_P, &mut outputs.u_P);
+        store_few(&u_V, &mut outputs.u_V);
+        store_few(&u_Q, &mut outputs.u_Q);
+        store_few(&of_live(kept, &u_E, &[0.0; FEW]), &mut outputs.u_E);
+        if !self.moves {
+            return;
+        }
+        let [omega_set, V_set, exchange] = held;
+        let (mut next_omega, mut next_V) = (omega_set, V_set);
+        for i in 0..FEW {
+            next_omega[i] += self.h_s * u_omega[i];
+            next_V[i] += self.h_s * u_V[i];
+        }
+        store_few(&of_live(kept, &next_omega, &omega_set), &mut outputs.omega_set);
+        store_few(&of_live(kept, &next_V, &V_set), &mut outputs.V_set);
+        store_few(&of_live(kept, P_set, &exchange), &mut outputs.P_set);
     }
 
     #[inline(always)]
-    fn diagnose(&mut self, places: &[Place; FEW]) {
+    fn diagnose(&mut self, measured: &Measured) {
+        let Some(diagnosis) = &mut self.diagnosis else { return };
         let n = self.live.len().min(FEW);
-        let [mut omega, mut p, mut V, mut q, mut soc] = [[0.0; FEW]; 5];
-        for (i, place) in places.iter().enumerate() {
-            ([omega[i], p[i], V[i], q[i]], soc[i]) = (place.signals, place.soc);
+        let [omega, p, V, q] = &measured.signals;
+        let mut agents = [[0.0; FEW]; 5];
+        for (agents, lanes) in agents.iter_mut().zip([omega, p, V, q, &measured.soc]) {
+            store_few(lanes, &mut agents[..n]);
         }
-        self.diagnosis.take(Seen {
+        let own = agents.each_ref().map(|signal| &signal[..n]);
+        diagnosis.take(Seen {
             available: &self.state.adopted.available[..n],
             live: &self.live[..n],
-            told_p: &p[..n],
-            own: [&omega[..n], &p[..n], &V[..n], &q[..n], &soc[..n]],
+            told_p: own[1],
+            own,
         });
     }
 }

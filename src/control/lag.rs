@@ -15,6 +15,7 @@
 //! steps of 100 ms, lag 3: abs(omega - 1) 3e-9 the first way, 1e-5 the second, 0.3 without either.
 
 use super::error::Problems;
+use super::lanes::{LANES, Lanes, load_few, store_few};
 use serde::{Deserialize, Serialize};
 
 /// The longest lag looked for, steps.
@@ -30,9 +31,6 @@ const EXPLAINED: f64 = 1e-3;
 /// Differences between lags below this many roundings of the numbers they come from say nothing.
 const ROUNDINGS: f64 = 4096.0;
 
-/// Agents whose evidence is summed apart, so that it can be summed side by side.
-pub(super) const LANES: usize = 8;
-const HALF: usize = LANES / 2;
 /// Agents that give evidence, about. The lag is the master's and so common to all: of more agents, those of some
 /// stretches do, spread evenly.
 const WITNESSES: usize = 8192;
@@ -47,11 +45,11 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// Agents side by side: which of them count, y now and at the last step, sigma now and before.
+    /// Agents side by side: which of them count, as 0 and 1, y now and at the last step, sigma now and before.
     #[inline(always)]
     fn take(
         &mut self,
-        counted: &[bool; LANES],
+        counted: &Lanes,
         y: &[f64; LANES],
         last: &[f64; LANES],
         sigma: &[[f64; LANES]; CANDIDATES + 1],
@@ -69,9 +67,9 @@ impl Tally {
             }
             // At rest and at constant speed all lags are alike: the one found is held.
             let tells = worst - best > ROUNDINGS * f64::EPSILON * (y[lane].abs() + sigma[0][lane].abs());
-            let counts = if counted[lane] & tells { 1.0 } else { 0.0 };
+            let counts = if tells { counted[lane] } else { 0.0 };
             // As shares, so that one wild measurement weighs no more than another.
-            let share = counts / if counted[lane] & tells { worst } else { 1.0 };
+            let share = counts / if counts > 0.0 { worst } else { 1.0 };
             for k in 0..CANDIDATES {
                 self.missed[k][lane] += (errors[k] * share) * (errors[k] * share);
             }
@@ -80,50 +78,9 @@ impl Tally {
     }
 }
 
-/// At most as many values as there are lanes. From four on two halves that overlap, because a copy of a length that
-/// nobody knows would be a call.
-#[inline(always)]
-pub(super) fn load_few(values: &[f64]) -> [f64; LANES] {
-    let mut lanes = [0.0; LANES];
-    let n = values.len().min(LANES);
-    if let (Some(first), Some(last)) = (values.first_chunk::<HALF>(), values.last_chunk::<HALF>())
-        && let Some(end) = lanes.get_mut(n - HALF..n)
-    {
-        end.copy_from_slice(last);
-        lanes[..HALF].copy_from_slice(first);
-    } else {
-        for lane in 0..HALF {
-            if let Some(&value) = values.get(lane) {
-                lanes[lane] = value;
-            }
-        }
-    }
-    lanes
-}
-
-/// The other way.
-#[inline(always)]
-fn store_few(lanes: &[f64; LANES], values: &mut [f64]) {
-    let n = values.len().min(LANES);
-    if n < HALF {
-        for lane in 0..HALF {
-            if let Some(value) = values.get_mut(lane) {
-                *value = lanes[lane];
-            }
-        }
-        return;
-    }
-    if let (Some(end), Some(last)) = (lanes.get(n - HALF..n), values.last_chunk_mut::<HALF>()) {
-        last.copy_from_slice(end);
-    }
-    if let Some(first) = values.first_chunk_mut::<HALF>() {
-        first.copy_from_slice(&lanes[..HALF]);
-    }
-}
-
 /// [`no_load`] of agents side by side.
 #[inline(always)]
-pub(super) fn no_loads(level: [f64; LANES], droop: [f64; LANES], power: [f64; LANES]) -> [f64; LANES] {
+pub(super) fn no_loads(level: &Lanes, droop: &Lanes, power: &Lanes) -> Lanes {
     let mut out = [0.0; LANES];
     for lane in 0..LANES {
         out[lane] = no_load(level[lane], droop[lane], power[lane]);
@@ -187,6 +144,18 @@ impl Lag {
     /// being the present one. 0 where (3) does not explain the measurements.
     pub fn unseen(&self, i: usize, sigma: f64) -> f64 {
         if self.adds_unseen() { sigma - self.past[self.steps - 1][i] } else { 0.0 }
+    }
+
+    /// The same of agents side by side, where [`Self::adds_unseen`].
+    #[inline(always)]
+    pub(super) fn unseen_few(&self, sigma: &Lanes) -> Lanes {
+        let past =
+            self.steps.checked_sub(1).and_then(|k| self.past.get(k)).map_or(*sigma, |past| load_few(past));
+        let mut unseen = *sigma;
+        for lane in 0..LANES {
+            unseen[lane] -= past[lane];
+        }
+        unseen
     }
 
     /// Whether [`Self::unseen`] moves with one's own setpoint.
@@ -266,39 +235,54 @@ impl Lag {
                 }
                 lanes
             };
-            let mut counted = [false; LANES];
+            let mut counted = [0.0; LANES];
             for (counted, &live) in counted.iter_mut().zip(&live[at.clone()]) {
-                *counted = compare & live;
+                *counted = if compare & live { 1.0 } else { 0.0 };
             }
             let droop = load(droop);
-            let (y, sigma) =
-                (no_loads(load(level), droop, load(power)), no_loads(load(set), droop, load(power_set)));
+            let (y, sigma) = (
+                no_loads(&load(level), &droop, &load(power)),
+                no_loads(&load(set), &droop, &load(power_set)),
+            );
             let pasts = [sigma, load(past[0]), load(past[1]), load(past[2]), load(past[3])];
             tally.take(&counted, &y, &load(last), &pasts);
             last[at.clone()].copy_from_slice(&y[..at.len()]);
         }
     }
 
-    /// As [`Self::observe`] for as many agents as go side by side; `counted`, y and sigma are filled up to their
-    /// number.
+    /// As [`Self::observe`] for as many agents as go side by side; `counted` counts each
+    /// once.
     #[inline(always)]
-    pub(super) fn observe_few(&mut self, counted: &[bool; LANES], y: &[f64; LANES], sigma: &[f64; LANES]) {
+    pub(super) fn observe_few(&mut self, counted: &Lanes, y: &Lanes, sigma: &Lanes) {
         let mut tally = Tally::default();
-        let [past_0, past_1, past_2, past_3] = &mut self.past;
-        let pasts = [*sigma, load_few(past_0), load_few(past_1), load_few(past_2), load_few(past_3)];
+        let [first, second, third, fourth] = &mut self.past;
+        let pasts = [*sigma, load_few(first), load_few(second), load_few(third), load_few(fourth)];
         tally.take(counted, y, &load_few(&self.last), &pasts);
         store_few(y, &mut self.last);
-        store_few(sigma, past_3);
-        self.conclude(tally);
+        // Takes less than to let the vectors change places.
+        for (past, values) in [first, second, third, fourth].into_iter().zip(&pasts) {
+            store_few(values, past);
+        }
+        self.weigh(tally);
     }
 
     /// Draws the conclusion when all agents are noted.
     pub(super) fn conclude(&mut self, tally: Tally) {
-        let missed = tally.missed.map(|lanes| lanes.iter().sum::<f64>());
-        let weight: f64 = tally.weight.iter().sum();
         // As rotate_right(1), which would be a call.
         for k in (1..CANDIDATES).rev() {
             self.past.swap(k - 1, k);
+        }
+        self.weigh(tally);
+    }
+
+    #[inline(always)]
+    fn weigh(&mut self, tally: Tally) {
+        let (mut missed, mut weight) = ([0.0; CANDIDATES], 0.0);
+        for lane in 0..LANES {
+            for k in 0..CANDIDATES {
+                missed[k] += tally.missed[k][lane];
+            }
+            weight += tally.weight[lane];
         }
         if weight == 0.0 {
             return;
@@ -307,11 +291,13 @@ impl Lag {
             *sum = FORGETTING * *sum + now;
         }
         self.weight = FORGETTING * self.weight + weight;
-        let best =
-            (1..CANDIDATES).fold(0, |best, k| if self.missed[k] < self.missed[best] { k } else { best });
-        let clearly = self.missed[best] < CLEARLY_LESS * self.missed[self.steps];
+        let (mut best, mut least) = (0, self.missed[0]);
+        for k in 1..CANDIDATES {
+            (best, least) = if self.missed[k] < least { (k, self.missed[k]) } else { (best, least) };
+        }
+        let clearly = least < CLEARLY_LESS * self.missed[self.steps];
         // What has dynamics of its own looks late by now more, now fewer steps: the most is the safe one.
-        if clearly && (best > self.steps || self.missed[best] <= EXPLAINED * self.weight) {
+        if clearly && (best > self.steps || least <= EXPLAINED * self.weight) {
             self.steps = best;
         }
     }

@@ -11,7 +11,7 @@
 //! | `graph`, `clustering`, `topology`, `network` | who talks to whom, from distances to the hot path's arrays |
 //! | `protocol`, `discretisation`, `exchange`, `estimator` | the laws (9)-(13), one function per equation |
 //! | `sweep`, `wave`, `power`, `diagnosis`, `order` | the same for many agents at once, in vector code |
-//! | `few` | the same for a handful of agents |
+//! | `few`, `lanes`, `roster` | the same for a handful of agents |
 //! | `delay`, `lag` | what agents know of each other, how late that is |
 //! | `told`, `outlier` | wrong messages, and the option that sorts outliers out |
 //! | `limits`, `authority`, `relay`, `saturation` | what they can do, and what becomes of what they cannot |
@@ -46,6 +46,7 @@ pub mod graph;
 pub mod io;
 mod kernels;
 pub mod lag;
+mod lanes;
 pub mod limits;
 pub mod messages;
 pub mod network;
@@ -58,6 +59,7 @@ mod plain;
 pub mod power;
 pub mod protocol;
 pub mod relay;
+mod roster;
 mod saturation;
 pub mod scalar;
 pub mod sized;

@@ -1,6 +1,29 @@
-//! Which configurations a plain step does whole: that of `sweep` and `few`. Looks at a configuration only.
+//! Which configurations a plain step does whole, that of `sweep` and `few`, and what for. Looks at a configuration only.
 
 use super::config::{Config, Law, Limits, MeasurementFilter};
+
+/// What a plain way over all agents is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Pass {
+    /// An evaluation.
+    Look,
+    /// A step without diagnostics.
+    Move,
+    /// A step with them.
+    LookAndMove,
+}
+
+impl Pass {
+    /// Whether the setpoints move.
+    pub fn moves(self) -> bool {
+        self != Self::Look
+    }
+
+    /// Whether somebody wants the diagnostics.
+    pub fn looks(self) -> bool {
+        self != Self::Move
+    }
+}
 
 /// Whether `sweep` does all that a configuration asks for, as far as nothing changes it between steps. Every option
 /// is named, so that a new one is not forgotten here.

@@ -11,6 +11,7 @@ use super::exchange::SECONDS_PER_HOUR;
 use super::kernels::{self, Stores};
 use super::lag::{Tally, no_load};
 use super::network::Pin;
+use super::plain::Pass;
 use super::state::State;
 use super::time::seconds;
 use super::wave::{BATCH, Stages, Wave, Window, Work, at};
@@ -33,6 +34,7 @@ struct Sweep<'a> {
     h_s: f64,
     /// Whether setpoints move, or only what follows the inputs at once.
     moves: bool,
+    looks: bool,
     adds_unseen: [bool; 2],
     tallies: [Tally; 2],
     diagnosis: Diagnosis,
@@ -52,7 +54,7 @@ impl Controller {
     }
 
     /// As `evaluate`; with `moves` also as `advance`, but for what time and exchange leave behind.
-    pub(super) fn sweep(&mut self, h_ns: i64, moves: bool) {
+    pub(super) fn sweep(&mut self, h_ns: i64, pass: Pass) {
         let h_s = seconds(h_ns);
         let lags = &self.state.lags;
         let parameters = &self.state.parameters;
@@ -76,7 +78,8 @@ impl Controller {
             exchange,
             fade: self.fade(h_ns),
             h_s,
-            moves,
+            moves: pass.moves(),
+            looks: pass.looks(),
             adds_unseen: [
                 lags.frequency.adds_unseen() && up_to_date,
                 lags.voltage.adds_unseen() && up_to_date,
@@ -92,12 +95,12 @@ impl Controller {
         let (wave, n) = (&mut self.scratch.wave, self.topology.live.len());
         Arch::new().dispatch(Run { wave, n, sweep: &mut sweep });
         let (diagnosis, tallies) = (sweep.diagnosis, sweep.tallies);
-        if moves {
+        if pass.moves() {
             let [frequency, voltage] = tallies;
             self.state.lags.frequency.conclude(frequency);
             self.state.lags.voltage.conclude(voltage);
         }
-        self.tell(&diagnosis);
+        self.tell(pass.looks().then_some(&diagnosis));
     }
 }
 
@@ -217,6 +220,9 @@ impl Stages for Sweep<'_> {
             kernels::advance(&mut outputs.omega_set[r.clone()], h_s, &outputs.u_omega[r.clone()], live);
             kernels::advance(&mut outputs.V_set[r.clone()], h_s, &outputs.u_V[r.clone()], live);
             kernels::take(&mut outputs.P_set[r.clone()], sums[at::SOC], live);
+        }
+        if !self.looks {
+            return;
         }
         let [omega, p, V, q, soc, ..] = signals;
         self.diagnosis.take(Seen {

@@ -30,6 +30,8 @@ pub(super) struct Array {
     pub has_follower: bool,
     /// Whether there is a parameter in it that is fixed when initialisation ends.
     pub has_fixed: bool,
+    /// Whether there is a variable with bounds of its own in it.
+    pub has_bounds: bool,
 }
 
 /// Neighbouring variables of one group.
@@ -77,13 +79,15 @@ impl Array {
             has_output: false,
             has_follower: false,
             has_fixed: false,
+            has_bounds: false,
         }
     }
 
     fn set<M: Model>(&mut self, registry: &Registry<M>, references: &[u32]) -> Option<()> {
         self.references.clear();
         self.stretches.clear();
-        (self.has_output, self.has_follower, self.has_fixed) = (false, false, false);
+        (self.has_output, self.has_follower) = (false, false);
+        (self.has_fixed, self.has_bounds) = (false, false);
         for run in registry.runs(references) {
             let run = run.ok()?;
             let (group, indices) = (run.group, run.range()?);
@@ -92,6 +96,7 @@ impl Array {
             self.has_follower |= is_output && !matches!(group.dependencies, Dependencies::None);
             self.has_fixed |=
                 group.causality == Causality::Parameter && group.variability == Variability::Fixed;
+            self.has_bounds |= !group.range.is_open();
             if self.stretches.len() == STRETCHES {
                 return None;
             }

@@ -135,12 +135,28 @@ impl Range {
     /// Whether all of them are.
     #[inline]
     pub(super) fn contain(&self, values: &[f64]) -> bool {
-        if self.min == f64::NEG_INFINITY && self.max == f64::INFINITY {
-            // Without a branch for each: vectors.
-            values.iter().fold(true, |all, value| all & (value.abs() <= Self::LARGEST))
+        if self.is_open() {
+            Self::all_sound(values)
         } else {
             values.iter().all(|value| self.contains(*value))
         }
+    }
+
+    /// Whether there are no bounds but those of every number.
+    #[inline]
+    pub(super) fn is_open(&self) -> bool {
+        self.min == f64::NEG_INFINITY && self.max == f64::INFINITY
+    }
+
+    /// [`Self::contain`] of a range without bounds.
+    #[inline]
+    pub(super) fn all_sound(values: &[f64]) -> bool {
+        const SIZE: u64 = i64::MAX as u64;
+        // Bits of sizes are in the order of sizes, those of infinity and of what is no number beyond all. Whatever is
+        // too large carries into the sign, which every processor does side by side.
+        let carry = SIZE - Self::LARGEST.to_bits();
+        let all = values.iter().fold(0, |all, value| all | ((value.to_bits() & SIZE) + carry));
+        all <= SIZE
     }
 }
 
@@ -251,4 +267,27 @@ pub enum Dependencies<M> {
     All(&'static [&'static str]),
     /// What this function names for the variable of that index: (group, 0-based index).
     Of(fn(&M, usize) -> Vec<(&'static str, usize)>),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_unsound_value_is_found_wherever_it_stands() {
+        let sound = [0.0, -0.0, 5e-324, -1.0, Range::LARGEST, -Range::LARGEST];
+        let beyond = Range::LARGEST.next_up();
+        for n in 0..20 {
+            let values: Vec<f64> = (0..n).map(|k| sound[k % sound.len()]).collect();
+            assert!(Range::all_sound(&values));
+            for unsound in [beyond, -beyond, f64::MAX, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, -f64::NAN]
+            {
+                for place in 0..n {
+                    let mut values = values.clone();
+                    values[place] = unsound;
+                    assert!(!Range::all_sound(&values), "{unsound} at {place} of {n}");
+                }
+            }
+        }
+    }
 }

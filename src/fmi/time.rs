@@ -8,8 +8,12 @@ const LIMIT_NS: f64 = 9.2e18;
 
 /// Rounded to whole nanoseconds; none if not finite or beyond 292 years.
 pub fn to_ns(time_s: f64) -> Option<i64> {
-    let ns = (time_s * 1e9).round();
-    (ns.abs() <= LIMIT_NS).then_some(ns as i64)
+    let ns = time_s * 1e9;
+    // As `round`, which is a call where the processor's own is not to be relied on: what is cut off is exact.
+    let whole = ns as i64;
+    let rest = ns - whole as f64;
+    let away = i64::from(rest >= 0.5) - i64::from(rest <= -0.5);
+    (ns.abs() <= LIMIT_NS).then_some(whole.wrapping_add(away))
 }
 
 /// The nearest double in seconds.

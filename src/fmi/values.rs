@@ -7,7 +7,7 @@ use super::instance::Instance;
 use super::known::Stretch;
 use super::lookup::{Interface, Run, Type};
 use super::model::Model;
-use super::registry::{Access, Causality, Dependencies, Group, Variability};
+use super::registry::{Access, Causality, Dependencies, Group, Range, Variability};
 
 impl<M: Model> Instance<M> {
     /// fmi2GetReal.
@@ -146,11 +146,11 @@ impl<M: Model> Instance<M> {
         if self.allow(Function::SetReal).is_err() || array.has_fixed && !before_steps {
             return false;
         }
-        let accepted = array.stretches.iter().all(|stretch| {
+        let accepts = |stretch: &Stretch| {
             let range = self.registry.numbered(stretch.group).map(|group| group.range);
             range.zip(values.get(stretch.places.clone())).is_some_and(|(range, values)| range.contain(values))
-        });
-        if !accepted {
+        };
+        if array.has_bounds && !array.stretches.iter().all(accepts) || !Range::all_sound(values) {
             return false;
         }
         for Stretch { group, indices, places } in &array.stretches {

@@ -212,7 +212,8 @@ impl Model for Controller {
     fn step(&mut self, step: Step, log: &mut dyn Log) -> Result<(), ModelError> {
         let (order, numbers) = (&self.order, self.numbers.as_slice());
         let step = (step.start_ns, step.duration_ns);
-        self.planes.values.step(step.0, step.1, &mut |event| report(event, (order, numbers), log));
+        // The shell has the outputs that follow inputs brought in line before anybody reads them.
+        self.planes.values.step_unseen(step.0, step.1, &mut |event| report(event, (order, numbers), log));
         Ok(())
     }
 
