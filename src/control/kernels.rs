@@ -150,7 +150,11 @@ pub fn subtract(sum: &mut [f64], x: &[f64]) {
 /// most = max(most, x)
 #[inline(always)]
 pub fn raise(most: &mut [f64], x: &[f64]) {
-    update(most, x, |most, x| greatest(x, most));
+    let n = most.len();
+    let x = &x[..n];
+    for i in 0..n {
+        most[i] = greatest(x[i], most[i]);
+    }
 }
 
 /// out = K (x - x_set)
