@@ -6,8 +6,8 @@ use super::model::Model;
 use super::registry::{Causality, Dependencies, Variability};
 use std::ops::Range;
 
-/// Arrays kept for each function: those of a master, and of the others that look on.
-const KEPT: usize = 4;
+/// Arrays kept for each function: those of a master, one for each quantity perhaps, and of the others that look on.
+const KEPT: usize = 8;
 /// The longest array kept, and the most stretches in it: room is made once, so that no call allocates. What a longer
 /// one costs is in its values.
 const LONGEST: usize = 512;
@@ -57,10 +57,11 @@ impl Known {
         self.arrays.iter().find(|array| array.references == references && !references.is_empty())
     }
 
-    /// Keeps an array that a call was just answered for, if it is short and consists of neighbours.
+    /// Keeps an array that a call was just answered for, if it is short and consists of neighbours. Single variables are
+    /// no arrays: who asks for one after the other would drive all arrays out.
     pub fn keep<M: Model>(&mut self, registry: &Registry<M>, references: &[u32]) {
         let Some(array) = self.arrays.get_mut(self.next) else { return };
-        if references.len() > LONGEST {
+        if references.len() < 2 || references.len() > LONGEST {
             return;
         }
         if array.set(registry, references).is_some() {
