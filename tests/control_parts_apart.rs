@@ -6,6 +6,9 @@
 mod control_support;
 mod parts_support;
 
+use bess_consensus::control::communication::{
+    Communication, Inside, StepByStep, StepByStepTopology, Weights,
+};
 use bess_consensus::control::config::{Limits, VoltagePolicy};
 use bess_consensus::control::delay::Quantity;
 use bess_consensus::control::partition::{Cut, numbers, split};
@@ -16,7 +19,7 @@ use parts_support::*;
 const H_NS: i64 = 20_000_000;
 const H_S: f64 = 0.02;
 
-fn with(n: usize, communication: bess_consensus::control::communication::Communication) -> Config {
+fn with(n: usize, communication: Communication) -> Config {
     let mut config = Config::unit(n, communication);
     config.K_P = (0..n).map(|i| 0.004 * (0.5 + 0.1 * (i % 5) as f64)).collect();
     config.K_Q = (0..n).map(|i| 0.02 * (0.5 + 0.1 * (i % 4) as f64)).collect();
@@ -27,6 +30,16 @@ fn with(n: usize, communication: bess_consensus::control::communication::Communi
     // So little that no limit of the exchange binds.
     config.gains.E = 2e-4;
     config
+}
+
+/// Three groups of three on a line, linked step by step.
+fn three_clusters() -> Communication {
+    let x: [f64; 9] = [0.0, 1.0, 2.5, 22.5, 23.5, 24.7, 44.7, 45.7, 47.7];
+    Communication::StepByStep(StepByStep {
+        distances: x.iter().map(|a| x.iter().map(|b| (a - b).abs()).collect()).collect(),
+        weights: Weights::InverseDistance,
+        topologies: vec![StepByStepTopology { name: "a3".into(), inside: Inside::Tree }],
+    })
 }
 
 /// A path of `n` agents, the last one pinned.
@@ -121,8 +134,14 @@ fn what_is_exchanged_stays_equal_and_opposite() {
     let average = Config { voltage_policy: VoltagePolicy::Average, ..base() };
     let ramped = Config { limits: Limits { P_set_rate: Some(vec![0.05; 9]), ..Limits::default() }, ..base() };
     let fading = Config { lost_link_fade_s: Some(0.7), ..base() };
-    for (which, config) in [base(), average, ramped, fading].into_iter().enumerate() {
-        for part_of in [numbers(&config, Cut::Agents), vec![1, 1, 1, 2, 2, 2, 3, 3, 3]] {
+    // Clusters whose leaders come and go with all others.
+    let clusters = vec![1, 1, 1, 2, 2, 2, 3, 3, 3];
+    let elected = Config { gains: base().gains, ..with(9, three_clusters()) };
+    assert_eq!(numbers(&elected, Cut::Clusters), clusters);
+    let elected_average = Config { voltage_policy: VoltagePolicy::Average, ..elected.clone() };
+    let all = [base(), average, ramped, fading, elected, elected_average];
+    for (which, config) in all.into_iter().enumerate() {
+        for part_of in [numbers(&config, Cut::Agents), clusters.clone()] {
             let mut fleet = Fleet::apart(&config, &part_of, H_S);
             let mut random = Random(11);
             let (mut switches, mut since) = (on(9), 0);

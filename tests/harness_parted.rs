@@ -1,10 +1,13 @@
 //! The paper's cases with the controller in parts, coupled with the grid by the harness: `bess run --parts`. The
 //! whole controller with one step of delay on the links that are cut gives the same bits.
 #![cfg(feature = "host")]
-#![allow(non_snake_case, clippy::unwrap_used)]
+#![allow(non_snake_case, clippy::unwrap_used, clippy::panic)]
 
-use bess_consensus::control::communication::{Communication, Explicit};
+use bess_consensus::control::communication::{
+    Communication, Explicit, ExplicitEdge, ExplicitPin, ExplicitTopology,
+};
 use bess_consensus::control::partition::{numbers, written};
+use bess_consensus::control::topology::Topologies;
 use bess_consensus::harness::scenario::Staged;
 use bess_consensus::harness::{
     CONTROLLER, Cast, Column, Endpoint, GRID, Memory, Origin, run, stage, stage_apart,
@@ -102,6 +105,86 @@ fn plug_and_play_in_parts_ends_where_the_whole_controller_ends() {
             });
             let gap = gap.fold(0.0, f64::max);
             assert!(gap < 1e-3, "{cut:?}: {quantity} {gap:e} apart at the end");
+        }
+    }
+}
+
+/// The active leader of a cluster leaves and comes back: its cluster elects another one, to whom the other cluster links
+/// itself, as in the whole controller. One step of the link to the other cluster is told late.
+#[test]
+fn leaders_are_elected_anew_in_clusters() {
+    // Of case1's first cluster, {1, 2, 3}, agent 1 leads; without it agent 3 does.
+    let events = |switch: bool| {
+        let mut at = [
+            json!({ "at_s": 0, "set": { "controller.enable": true } }),
+            json!({ "at_s": 20, "set": { "controller.available[1]": false } }),
+            json!({ "at_s": 30, "set": { "grid.dP_load[12]": -0.5, "grid.dQ_load[12]": -0.5 } }),
+            json!({ "at_s": 50, "set": { "controller.available[1]": true } }),
+        ];
+        for (k, topology) in [(1, 2), (3, 1)] {
+            if switch {
+                at[k]["set"]["controller.topology"] = json!(topology);
+            }
+        }
+        Value::from_iter(at)
+    };
+    let with_events = |switch| resolved("case1", &[("stop_s", json!(80)), ("events", events(switch))]);
+    let (ours, cut) = (with_events(false), Cut::Clusters);
+    let parts = recorded(&ours, Origin::Parts(cut));
+    // The whole one, whose second graph is the one without agent 1.
+    let mut late = whole(&with_events(true), cut);
+    let without = |i: usize| i != 0;
+    let built =
+        Topologies::new(7, &ours.control.communication).build(0, &(0..7).map(without).collect::<Vec<_>>());
+    assert_eq!(built.leaders, [2, 6]);
+    let Communication::Explicit(Explicit { topologies }) = &mut late.control.communication else { panic!() };
+    let crosses = |a: u32, b: u32| (a < 3) != (b < 3);
+    topologies[1] = ExplicitTopology {
+        name: "without 1".into(),
+        edges: built
+            .graph
+            .edges()
+            .iter()
+            .map(|edge| ExplicitEdge {
+                a: edge.a + 1,
+                b: edge.b + 1,
+                weight: edge.weight,
+                delay_s: crosses(edge.a, edge.b).then_some(ours.scenario.step_s),
+            })
+            .collect(),
+        pins: [3, 7].map(|agent| ExplicitPin { agent, weight: 1.0 }).to_vec(),
+        clusters: topologies[0].clusters.clone(),
+        leaders: Some(vec![3, 7]),
+    };
+    // It is out while this graph counts; a graph needs all.
+    topologies[1].edges.push(ExplicitEdge { a: 1, b: 2, weight: 1.0, delay_s: None });
+    let late = recorded(&late, Origin::InProcess);
+    let step = |t_s: f64| (t_s / ours.scenario.step_s).round() as usize;
+    for quantity in ["omega_set", "V_set"] {
+        for i in 1..=7 {
+            let [x, y] = [&parts, &late].map(|memory| of(memory, CONTROLLER, quantity, i));
+            assert!((0..=step(20.0)).all(|k| x[k].to_bits() == y[k].to_bits()), "{quantity}[{i}] before");
+            // Never further apart than the agent moves in one step, and together again before the leader is back.
+            let away = step(20.0)..step(50.0);
+            let gap = |k: usize| (x[k] - y[k]).abs();
+            let move_of = |values: &[f64], k: usize| (values[k + 1] - values[k]).abs();
+            let most = away.clone().map(|k| move_of(x, k).max(move_of(y, k))).fold(0.0, f64::max);
+            let worst = away.clone().map(gap).fold(0.0, f64::max);
+            println!("{quantity}[{i}]: {worst:e} apart, {:e} at the end; a step: {most:e}", gap(away.end));
+            assert!(worst <= most && gap(away.end) < 1e-6, "{quantity}[{i}]: {worst:e}, {:e}", gap(away.end));
+            assert_eq!(most > 0.0, i != 1, "{quantity}[{i}] holds");
+        }
+    }
+    let rows = parts.times_ns().len();
+    let sum = |k: usize| (1..=7).map(|i| of(&parts, CONTROLLER, "P_set", i)[k]).sum::<f64>();
+    let worst = (0..rows).map(|k| sum(k).abs()).fold(0.0, f64::max);
+    let off = (0..rows).filter(|&k| sum(k).abs() > 1e-12).count();
+    println!("sum of P_set off by {worst:e} in {off} rows");
+    assert!(worst < 2e-2 && off <= 4, "{worst:e} in {off} rows");
+    for quantity in ["P", "omega", "V"] {
+        for i in 1..=7 {
+            let [x, y] = [&parts, &late].map(|memory| of(memory, GRID, quantity, i)[rows - 1]);
+            assert!((x - y).abs() < 1e-3, "{quantity}[{i}]: {x} and {y} at the end");
         }
     }
 }

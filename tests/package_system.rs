@@ -195,9 +195,9 @@ fn all_clusters_and_the_grid_are_one_system_in_which_messages_cross_once() {
     assert_eq!(entries.keys().collect::<Vec<_>>(), expected);
     let structure = text(&entries["SystemStructure.ssd"]);
     let from = |who: &str| values(&structure, "<ssd:Connection startElement").filter(|e| *e == who).count();
-    // Five measurements one way and four setpoints the other; ten messages across the one link, each way.
+    // Five measurements one way and four setpoints the other; ten messages of each battery, who may all lead one day.
     assert_eq!(from("grid"), 35);
-    assert_eq!(from("cluster1") + from("cluster2"), 28 + 20);
+    assert_eq!(from("cluster1") + from("cluster2"), 28 + 70);
     let wire = "startElement=\"cluster2\" startConnector=\"local_p[1]\" endElement=\"cluster1\" endConnector=\"remote_p[1]\"";
     assert!(structure.contains(wire), "{structure}");
     for cluster in ["cluster1", "cluster2"] {

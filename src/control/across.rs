@@ -163,6 +163,7 @@ impl Controller {
             ended: vec![0; n],
             enabled: vec![false; n],
             available: vec![false; n],
+            leads: Vec::new(),
             step_ns: nanoseconds(across.part.step_s),
             longest_delay_ns: nanoseconds(agreed.longest_delay_s),
             has_common_delay: agreed.has_common_delay,
@@ -174,6 +175,9 @@ impl Controller {
             outer.peers[i] = outer.peers[i].saturating_add_signed(standing.links[k]).max(1);
             outer.ended[i] = standing.ended[k].max(0) as u32;
             (outer.enabled[i], outer.available[i]) = (standing.enabled[k], standing.available[k]);
+        }
+        if let Some((_, leaders)) = self.elected(&outer.available) {
+            outer.leads = (0..n).map(|i| leaders.contains(&i)).collect();
         }
         Some(outer)
     }
@@ -214,6 +218,9 @@ impl Controller {
         let outer = self.outer()?;
         let (n, none) = (graph.agents(), across.part.fleet as i32);
         let is_in = |i: usize| if across.outside[i] { outer.available[i] } else { adopted.available[i] };
+        let elected = self.elect(across, &outer);
+        let (graph, leaders) =
+            elected.as_ref().map_or((graph, leaders), |(graph, all)| (graph, all.as_slice()));
         let mut hops = vec![none; n];
         for (k, &slot) in across.slots.iter().enumerate().filter(|(_, slot)| is_in(**slot)) {
             hops[slot] = adopted.remote.hops[k].clamp(0, none);

@@ -35,6 +35,7 @@ mod controller;
 pub mod delay;
 mod diagnosis;
 pub mod discretisation;
+mod election;
 pub mod error;
 pub mod estimator;
 mod evaluate;

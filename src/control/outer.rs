@@ -21,6 +21,8 @@ pub struct Outer {
     pub enabled: Vec<bool>,
     /// Whether it told that it takes part.
     pub available: Vec<bool>,
+    /// Whether it leads its cluster by what all told; empty where that is fixed.
+    pub leads: Vec<bool>,
     /// Least delay of a link to another part, ns.
     pub step_ns: i64,
     /// The longest delay that a link anywhere in the fleet has of its own, ns.
@@ -58,7 +60,8 @@ impl Network {
         for (e, edge) in self.graph.edges().iter().enumerate().filter(|(_, edge)| outer.crosses_edge(edge)) {
             let [a, b] = [edge.a as usize, edge.b as usize];
             let peers = outer.peers[a].max(outer.peers[b]);
-            let degree = |i: usize| outer.peers[i] + u32::from(self.graph.pins()[i] > 0.0);
+            let is_pinned = |i: usize| outer.leads.get(i).copied().unwrap_or(self.graph.pins()[i] > 0.0);
+            let degree = |i: usize| outer.peers[i] + u32::from(is_pinned(i));
             self.shares[e] = 1.0 / (1.0 + f64::from(degree(a).max(degree(b))));
             self.round_shares[e] = 1.0 / (0.5 + f64::from(peers));
         }

@@ -2,7 +2,7 @@
 //! its own, which neighbours it has outside, and what was agreed about those when the links were set up. Plain data
 //! and its checks; `partition` makes it, `across` runs it.
 
-use super::communication::Communication;
+use super::communication::{Communication, StepByStep};
 use super::config::Config;
 use super::error::Problems;
 use serde::{Deserialize, Serialize};
@@ -27,6 +27,10 @@ pub struct Part {
     pub step_s: f64,
     /// What is agreed for each topology.
     pub topologies: Vec<Agreed>,
+    /// Where each part is a cluster of a graph made step by step: what it is made of. All agents of the other clusters
+    /// are then neighbours outside, because any of them may lead one day.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub election: Option<StepByStep>,
 }
 
 /// A neighbour outside.
@@ -65,9 +69,12 @@ impl Part {
     }
 
     /// Its own agents with neighbours outside, numbers in the fleet from 1, in the order of `local_p[1]`,
-    /// `local_p[2]`, ...; `communication` is that of its configuration.
+    /// `local_p[2]`, ...; all of them where leaders are elected. `communication` is that of its configuration.
     pub fn tellers(&self, communication: &Communication) -> Vec<u32> {
         let number = |place: u32| self.agents.get((place as usize).wrapping_sub(1)).copied().unwrap_or(0);
+        if self.election.is_some() {
+            return self.own().collect();
+        }
         let Communication::Explicit(explicit) = communication else { return Vec::new() };
         let edges = explicit.topologies.iter().flat_map(|topology| &topology.edges);
         let mut tellers: Vec<u32> = edges
@@ -112,6 +119,18 @@ pub(super) fn check(problems: &mut Problems, config: &Config, part: &Part, n: us
         problems.add("part.step_s", part.step_s, "a finite number > 0");
     }
     let count = explicit.topologies.len();
+    if let Some(election) = &part.election {
+        let is_whole = part.agents.len() == part.fleet as usize;
+        let has_clusters = explicit.topologies.iter().all(|topology| topology.clusters.is_some());
+        if !is_whole || !has_clusters || election.distances.len() != n || election.topologies.len() != count {
+            let expected = format!(
+                "distances of all {} agents, who are in clusters, and {count} topologies",
+                part.fleet
+            );
+            problems.add("part.election", "something else", expected);
+        }
+        super::validate::step_by_step(problems, election, n);
+    }
     if part.topologies.len() != count {
         problems.add("part.topologies", part.topologies.len(), format!("{count}, one per graph"));
     }

@@ -2,7 +2,9 @@
 //! its own agents are and do, and of everybody else only what was agreed about the links to them. Runs before
 //! anything is exported; never during a run.
 
-use super::communication::{Communication, Explicit, ExplicitEdge, ExplicitPin, ExplicitTopology};
+use super::communication::{
+    Communication, Explicit, ExplicitEdge, ExplicitPin, ExplicitTopology, StepByStep,
+};
 use super::config::{Config, Limits};
 use super::part::{Agreed, Outside, Part};
 use super::told::MessageFault;
@@ -67,7 +69,8 @@ pub fn numbers(config: &Config, cut: Cut) -> Vec<u32> {
 /// part of each agent, from 1, and messages between parts take a communication step of `step_s`.
 ///
 /// A graph made step by step becomes the one with everybody available: who leads a cluster cannot be found out
-/// anew by those who know their neighbours only.
+/// anew by those who know their neighbours only. Where each part is a cluster, its agents know each other, and hear all of
+/// the other clusters: there leaders are elected anew.
 pub fn split(config: &Config, part_of: &[u32], step_s: f64) -> Result<Vec<Config>, PartitionError> {
     let n = config.agents();
     if let Some(part) = &config.part {
@@ -84,13 +87,20 @@ pub fn split(config: &Config, part_of: &[u32], step_s: f64) -> Result<Vec<Config
     let graphs = written(config);
     let fleet: Vec<Whole> = graphs.iter().map(|topology| Whole::new(n, topology)).collect();
     let parts = known.len() as u32;
-    // What each part has its own of is not copied for each: of a graph made step by step all distances.
+    let election = match &config.communication {
+        Communication::StepByStep(made) if parts > 1 && numbers(config, Cut::Clusters) == part_of => {
+            Some(made)
+        }
+        _ => None,
+    };
+    // What each part has its own of is not copied for each.
     let shared = Config {
         communication: Communication::Explicit(Explicit { topologies: Vec::new() }),
         message_faults: Vec::new(),
         ..config.clone()
     };
-    let of = |&number: &u32| one((config, &shared), (&graphs, &fleet), part_of, (number, parts), step_s);
+    let of =
+        |&number: &u32| one((config, &shared), (&graphs, &fleet, election), part_of, (number, parts), step_s);
     Ok(known.iter().map(of).collect())
 }
 
@@ -162,7 +172,7 @@ impl Whole {
 /// The configuration of part `number`; `shared` is what all have alike.
 fn one(
     (config, shared): (&Config, &Config),
-    (graphs, fleet): (&[ExplicitTopology], &[Whole]),
+    (graphs, fleet, election): (&[ExplicitTopology], &[Whole], Option<&StepByStep>),
     part_of: &[u32],
     (number, parts): (u32, u32),
     step_s: f64,
@@ -170,7 +180,7 @@ fn one(
     let n = part_of.len();
     let own = |i: usize| part_of[i] == number;
     let is_neighbour = |i: usize| fleet.iter().any(|whole| whole.neighbours[i].iter().any(|&j| own(j)));
-    let here: Vec<usize> = (0..n).filter(|&i| own(i) || is_neighbour(i)).collect();
+    let here: Vec<usize> = (0..n).filter(|&i| own(i) || election.is_some() || is_neighbour(i)).collect();
     let first = here.iter().copied().find(|&i| own(i)).unwrap_or(0);
     // Of a neighbour the value of an agent of one's own stands in: a number that is allowed, and never used.
     let known = |values: &[f64]| here.iter().map(|&i| values[if own(i) { i } else { first }]).collect();
@@ -218,6 +228,7 @@ fn one(
                 has_common_delay: whole.has_common_delay,
             })
             .collect(),
+        election: election.cloned(),
     };
     let faults = config.message_faults.iter().filter_map(|fault| {
         let is_told = own(fault.agent as usize - 1);

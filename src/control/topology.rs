@@ -93,7 +93,9 @@ impl Topologies {
     /// Topology `k`, from 0 and below `count`, for the available agents.
     pub fn build(&self, k: usize, available: &[bool]) -> Topology {
         let (graph, cluster, leaders) = match &self.0 {
-            Source::StepByStep { config, clustering } => step_by_step(config, clustering, k, available),
+            Source::StepByStep { config, clustering } => {
+                step_by_step(config, &clustering.cluster, k, available)
+            }
             Source::Explicit(list) => {
                 let written = &list[k];
                 let leaders = written.leaders.iter().copied().filter(|&i| available[i]).collect();
@@ -128,9 +130,10 @@ fn written(n: usize, topology: &ExplicitTopology) -> Written {
     Written { graph: Graph::new(n, edges.collect(), pins), cluster, leaders }
 }
 
-fn step_by_step(
+/// Graph, clusters and leaders of topology `k` for the available agents; `cluster` holds that of each agent, from 0.
+pub(super) fn step_by_step(
     config: &StepByStep,
-    clustering: &Clustering,
+    cluster: &[usize],
     k: usize,
     available: &[bool],
 ) -> (Graph, Vec<i32>, Vec<usize>) {
@@ -138,16 +141,14 @@ fn step_by_step(
     let n = d.len();
     let mut links = Vec::new();
     let mut leaders = Vec::new();
-    for number in 0..clustering.count() {
-        let members: Vec<usize> =
-            (0..n).filter(|&i| clustering.cluster[i] == number && available[i]).collect();
+    for number in 0..cluster.iter().max().map_or(0, |&last| last + 1) {
+        let members: Vec<usize> = (0..n).filter(|&i| cluster[i] == number && available[i]).collect();
         let tree = minimum_spanning_tree(&members, d);
         links.extend(match config.topologies[k].inside {
             Inside::Tree => tree,
             Inside::Ring => ring(&members, &tree, d),
         });
-        let outside: Vec<usize> =
-            (0..n).filter(|&i| clustering.cluster[i] != number && available[i]).collect();
+        let outside: Vec<usize> = (0..n).filter(|&i| cluster[i] != number && available[i]).collect();
         leaders.extend(active_leader(&members, &outside, d));
     }
     leaders.sort_unstable();
@@ -165,7 +166,7 @@ fn step_by_step(
         pins[leader] = 1.0;
     }
     let graph = Graph::new(n, edges.collect(), pins);
-    (graph, clustering.cluster.iter().map(|&c| c as i32 + 1).collect(), leaders)
+    (graph, cluster.iter().map(|&c| c as i32 + 1).collect(), leaders)
 }
 
 /// The agent nearest to the other clusters, ties to the lowest; where there is no other cluster, the

@@ -191,7 +191,7 @@ fn limits(problems: &mut Problems, config: &Config, n: usize) {
     }
 }
 
-fn step_by_step(problems: &mut Problems, config: &StepByStep, n: usize) {
+pub(super) fn step_by_step(problems: &mut Problems, config: &StepByStep, n: usize) {
     let path = "communication.step_by_step";
     if config.topologies.is_empty() {
         problems.add(format!("{path}.topologies"), "none", "at least one topology");

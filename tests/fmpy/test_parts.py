@@ -53,7 +53,9 @@ def outside(part):
 
 
 def tellers(part, explicit):
-    """Own agents with an edge to one outside in any graph."""
+    """Own agents with an edge to one outside in any graph; all of them where leaders are elected."""
+    if "election" in part:
+        return [agent for agent in part["agents"] if agent not in outside(part)]
     found = set()
     for topology in explicit["topologies"]:
         for edge in topology["edges"]:

@@ -33,7 +33,8 @@ pub fn run(args: &FederateArgs, resolved: &Resolved, federation: &Federation) ->
         names.retain(|known| known != name);
     }
     let scenario = &resolved.scenario;
-    if !args.quiet && !(scenario.compare.is_empty() && scenario.trials.is_empty()) {
+    let is_alone = scenario.compare.is_empty() && scenario.trials.is_empty();
+    if !args.quiet && !is_alone {
         eprintln!(
             "note: a federation runs the scenario alone; its `compare` and `trials` are those of `bess run`"
         );

@@ -48,6 +48,10 @@ fn heard(model: &Controller, i: usize) -> Vec<(&'static str, usize)> {
         }
     }
     let n = model.own.len();
+    if model.part().is_some_and(|part| part.election.is_some()) {
+        // Whoever leads hears others.
+        (around, outside) = ((0..n).collect(), (0..slots.len()).collect());
+    }
     let all_own: Vec<usize> = if n <= FEW { (0..n).collect() } else { around.clone() };
     let mut all: Vec<(&'static str, usize)> = Vec::new();
     all.extend(MEASURED.iter().flat_map(|&name| around.iter().map(move |&j| (name, j))));
