@@ -3,6 +3,7 @@
 //! Knows no values and no law.
 
 use super::diagnosis::CHUNK;
+use super::diagonals::place;
 use super::network::Network;
 use std::ops::Range;
 
@@ -56,8 +57,8 @@ pub struct Layout {
     pub places: Vec<u32>,
     /// Ends of scattered edges, from 0, the lower first.
     pub ends: Vec<[u32; 2]>,
-    /// The largest number of places of a block.
-    pub most_places: usize,
+    /// The largest number of diagonals of a block.
+    pub most_diagonals: usize,
 }
 
 impl Layout {
@@ -85,13 +86,13 @@ impl Layout {
             let places = (count > own.len()).then_some(self.places.len());
             for edge in own {
                 let k = offsets.partition_point(|&d| d < edge.b - edge.a);
-                let place = k * rows + edge.a as usize - first;
-                self.weights[weights + place] = edge.weight;
+                let row = edge.a as usize - first;
+                self.weights[weights + k * rows + row] = edge.weight;
                 if places.is_some() {
-                    self.places.push(place as u32);
+                    self.places.push(place(k, row) as u32);
                 }
             }
-            self.most_places = self.most_places.max(count);
+            self.most_diagonals = self.most_diagonals.max(offsets.len());
             let begin = self.offsets.len();
             self.offsets.append(&mut offsets);
             Shape::Diagonals { offsets: begin..self.offsets.len(), places }

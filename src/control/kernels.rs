@@ -147,13 +147,13 @@ pub fn subtract(sum: &mut [f64], x: &[f64]) {
     update(sum, x, |sum, x| sum - x);
 }
 
-/// most = max(most, x)
+/// most = max(most, a, b)
 #[inline(always)]
-pub fn raise(most: &mut [f64], x: &[f64]) {
+pub fn raise(most: &mut [f64], (a, b): Ends<'_>) {
     let n = most.len();
-    let x = &x[..n];
+    let (a, b) = (&a[..n], &b[..n]);
     for i in 0..n {
-        most[i] = greatest(x[i], most[i]);
+        most[i] = greatest(b[i], greatest(a[i], most[i]));
     }
 }
 

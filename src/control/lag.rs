@@ -109,7 +109,7 @@ fn remember(past: &mut [f64], set: &[f64], droop: &[f64], power_set: &[f64]) {
 pub struct Lag {
     steps: usize,
     /// sigma of the last steps, the newest first.
-    past: [Vec<f64>; CANDIDATES],
+    pub(super) past: [Vec<f64>; CANDIDATES],
     /// y of the last step, of those who give evidence.
     last: Vec<f64>,
     /// How much each lag missed of the measurements, weighted sum of squares, each square a share of the worst.

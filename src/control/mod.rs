@@ -24,6 +24,7 @@
 
 mod across;
 mod adopt;
+mod ahead;
 pub mod authority;
 mod blocks;
 pub mod certificates;
@@ -34,6 +35,7 @@ pub mod config;
 mod controller;
 pub mod delay;
 mod diagnosis;
+mod diagonals;
 pub mod discretisation;
 mod election;
 pub mod error;

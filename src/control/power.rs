@@ -49,12 +49,12 @@ pub fn power(m: f64, eta: f64) -> f64 {
     let e_f = if subnormal { e_f - LIFTED } else { e_f };
     let s = (z - 1.0) / (z + 1.0);
     let q = s * s;
-    let mut tail = LOG[10];
-    let mut k = 10;
-    while k > 1 {
-        k -= 1;
-        tail = tail * q + LOG[k];
-    }
+    // Both polynomials by Estrin's scheme: Horner's is one long chain, and a processor waits for each link.
+    let q2 = q * q;
+    let q4 = q2 * q2;
+    let lo = (LOG[1] + q * LOG[2]) + q2 * (LOG[3] + q * LOG[4]);
+    let hi = (LOG[5] + q * LOG[6]) + q2 * (LOG[7] + q * LOG[8]);
+    let tail = lo + q4 * (hi + q4 * (LOG[9] + q * LOG[10]));
     let l = s * LOG[0] + s * q * tail;
     // eta (e + l) = n + r, n whole.
     let upper = f64::from_bits(eta.to_bits() & UPPER);
@@ -64,13 +64,13 @@ pub fn power(m: f64, eta: f64) -> f64 {
     let n = shift - ROUND;
     let r = (whole - n) + (lower * e_f + eta * l);
     let x = r * std::f64::consts::LN_2;
-    let mut p = EXP[13];
-    let mut k = 13;
-    while k > 1 {
-        k -= 1;
-        p = p * x + EXP[k];
-    }
-    let p = 1.0 + x * p;
+    let x2 = x * x;
+    let x4 = x2 * x2;
+    let x8 = x4 * x4;
+    let p3 = (EXP[2] + x * EXP[3]) + x2 * (EXP[4] + x * EXP[5]);
+    let p7 = (EXP[6] + x * EXP[7]) + x2 * (EXP[8] + x * EXP[9]);
+    let p11 = (EXP[10] + x * EXP[11]) + x2 * (EXP[12] + x * EXP[13]);
+    let p = 1.0 + (x + x2 * (p3 + (x4 * p7 + x8 * p11)));
     // 2^n in two halves, so that a subnormal result is rounded once.
     let n_bits = shift.to_bits().wrapping_sub(ROUND.to_bits());
     let half = ((n_bits as i64) >> 1) as u64;

@@ -2,10 +2,12 @@
 //! delayed, limited, filtered or averaged, in vector code picked for the processor at run time. Gives the bits
 //! of `evaluate` and `step`, which do everything else; a test compares them.
 
+use super::ahead::Ahead;
 use super::blocks::{Block, Layout, Shape};
 use super::config::VoltagePolicy;
 use super::controller::Controller;
 use super::diagnosis::{Diagnosis, Seen};
+use super::diagonals::{self, place, places};
 use super::discretisation::Flow;
 use super::exchange::SECONDS_PER_HOUR;
 use super::kernels::{self, Stores};
@@ -16,7 +18,6 @@ use super::state::State;
 use super::time::seconds;
 use super::wave::{BATCH, Stages, Wave, Window, Work, at};
 use pulp::{Arch, NullaryFnOnce};
-use std::ops::Range;
 
 /// Everything that the stages read and write.
 struct Sweep<'a> {
@@ -240,29 +241,35 @@ impl Sweep<'_> {
     fn along_diagonals(
         &mut self,
         block: &Block,
-        (offsets, places): (&[u32], Option<&[u32]>),
+        (offsets, gaps): (&[u32], Option<&[u32]>),
         weights: &[f64],
         window: &mut Window,
         work: &mut Work,
     ) {
+        if offsets.is_empty() {
+            return;
+        }
         let rows = block.rows;
         let own = window.of(block.first, block.first + rows);
+        let ahead = Ahead::of(block, offsets, self.live.len());
+        ahead.ask_edges(block, weights, &self.state.flows);
         let weights = &weights[block.weights..block.weights + offsets.len() * rows];
         let of = |k: usize| k * rows..(k + 1) * rows;
-        let beyond = |offset: u32| own.start + offset as usize..own.end + offset as usize;
-        let Window { signals, sums, .. } = window;
         let ends = |quantity: usize, offset: u32| {
-            (&signals[quantity][own.clone()], &signals[quantity][beyond(offset)])
+            let (values, offset) = (&window.signals[quantity], offset as usize);
+            (&values[own.clone()], &values[own.start + offset..own.end + offset])
         };
+        let sums = &mut window.sums;
         for (k, &offset) in offsets.iter().enumerate() {
             kernels::smaller(&mut work.shares[of(k)], ends(at::SHARE, offset));
         }
         for (quantity, law) in self.laws.iter().enumerate() {
             for (k, &offset) in offsets.iter().enumerate() {
                 let (x, weights, shares) = (ends(quantity, offset), &weights[of(k)], &work.shares[of(k)]);
-                kernels::flows(&mut work.flows[of(k)], x, weights, shares, law);
+                kernels::flows(&mut work.flows[places(k, rows)], x, weights, shares, law);
             }
-            give(&work.flows, offsets, &own, &mut sums[quantity]);
+            diagonals::give(&work.flows, offsets, rows, &mut sums[quantity][own.start..]);
+            ahead.ask(quantity, &*self.state, (self.live, self.peers));
         }
         for (k, &offset) in offsets.iter().enumerate() {
             let stores = Stores {
@@ -271,36 +278,29 @@ impl Sweep<'_> {
                 crowd: ends(at::CROWD, offset),
                 limit: ends(at::LIMIT, offset),
             };
-            let (flows, wanted) = (&mut work.flows[of(k)], &mut work.wanted[of(k)]);
+            let (flows, wanted) = (&mut work.flows[places(k, rows)], &mut work.wanted[places(k, rows)]);
             kernels::exchange(flows, wanted, stores, &weights[of(k)], &self.exchange);
-            kernels::raise(&mut sums[at::WANTED][beyond(offset)], wanted);
-            kernels::raise(&mut sums[at::WANTED][own.clone()], wanted);
         }
+        diagonals::raise(&work.wanted, offsets, rows, &mut sums[at::WANTED][own.start..]);
         let last = &mut self.state.flows[block.edges.clone()];
         let how = (self.fade, self.moves);
-        match places {
+        match gaps {
             Some(places) => {
                 for (last, &place) in last.iter_mut().zip(places) {
                     settle(&mut work.flows[place as usize], last, how);
                 }
             }
-            None => match offsets.len() {
-                1 => settle_rows::<1>(&mut work.flows, last, how),
-                2 => settle_rows::<2>(&mut work.flows, last, how),
-                3 => settle_rows::<3>(&mut work.flows, last, how),
-                4 => settle_rows::<4>(&mut work.flows, last, how),
-                many => {
-                    for k in 0..many {
-                        let last = last.iter_mut().skip(k).step_by(many);
-                        work.flows[of(k)]
-                            .iter_mut()
-                            .zip(last)
-                            .for_each(|(flow, last)| settle(flow, last, how));
+            None if self.fade < 1.0 => {
+                for (row, last) in last.chunks_exact_mut(offsets.len()).enumerate() {
+                    for (k, last) in last.iter_mut().enumerate() {
+                        settle(&mut work.flows[place(k, row)], last, how);
                     }
                 }
-            },
+            }
+            None if self.moves => diagonals::remember(&work.flows, offsets.len(), last),
+            None => {}
         }
-        give(&work.flows, offsets, &own, &mut sums[at::SOC]);
+        diagonals::give(&work.flows, offsets, rows, &mut sums[at::SOC][own.start..]);
     }
 
     /// The flows of edges wherever their ends are; `first` is the first of them.
@@ -347,42 +347,9 @@ impl Sweep<'_> {
             }
             let most = &mut sums[at::WANTED];
             for end in [a, b] {
-                kernels::raise(&mut most[end..=end], &batch[at::WANTED][k..=k]);
+                let wanted = &batch[at::WANTED][k..=k];
+                kernels::raise(&mut most[end..=end], (wanted, wanted));
             }
-        }
-    }
-}
-
-/// Takes the flows along diagonals from agents `own` and adds them to those at the other ends. At each agent this is in
-/// the order of the edges: first what comes from lower agents, the lowest, whose diagonal is the farthest,
-/// first; then what goes to higher ones.
-#[inline(always)]
-fn give(flows: &[f64], offsets: &[u32], own: &Range<usize>, sums: &mut [f64]) {
-    let rows = own.len();
-    for (flows, &offset) in flows.chunks_exact(rows).zip(offsets).rev() {
-        kernels::add(&mut sums[own.start + offset as usize..own.end + offset as usize], flows);
-    }
-    for (flows, _) in flows.chunks_exact(rows).zip(offsets) {
-        kernels::subtract(&mut sums[own.clone()], flows);
-    }
-}
-
-/// The same for `K` diagonals without gaps.
-#[inline(always)]
-fn settle_rows<const K: usize>(flows: &mut [f64], last: &mut [f64], how: (f64, bool)) {
-    let (last, _) = last.as_chunks_mut::<K>();
-    let rows = last.len();
-    if how.0 < 1.0 || !how.1 {
-        for (k, flows) in flows.chunks_exact_mut(rows).take(K).enumerate() {
-            flows.iter_mut().zip(&mut *last).for_each(|(flow, last)| settle(flow, &mut last[k], how));
-        }
-        return;
-    }
-    let mut parts = flows.chunks_exact(rows);
-    let flows: [&[f64]; K] = std::array::from_fn(|_| parts.next().unwrap_or_default());
-    for (r, last) in last.iter_mut().enumerate() {
-        for k in 0..K {
-            last[k] = -flows[k][r];
         }
     }
 }

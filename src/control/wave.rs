@@ -4,6 +4,7 @@
 
 use super::blocks::{Block, Layout};
 use super::diagnosis::CHUNK;
+use super::diagonals::STRIDE;
 use super::network::Network;
 use std::ops::Range;
 
@@ -75,9 +76,9 @@ pub type Batch<const N: usize> = [[f64; BATCH]; N];
 /// What flows along the edges of a block.
 #[derive(Clone, Debug)]
 pub struct Work {
-    /// By place.
+    /// By [`place`](super::diagonals::place).
     pub flows: Vec<f64>,
-    /// The exchange as wanted.
+    /// The exchange as wanted, alike.
     pub wanted: Vec<f64>,
     /// 1 / (1 + max(deg_i, deg_j)).
     pub shares: Vec<f64>,
@@ -139,8 +140,9 @@ impl Wave {
             signals: std::array::from_fn(|_| vec![0.0; length]),
             sums: std::array::from_fn(|_| vec![0.0; length]),
         };
-        let places = vec![0.0; layout.most_places];
-        let work = Work { flows: places.clone(), wanted: places.clone(), shares: places, ..Work::default() };
+        let places = vec![0.0; layout.most_diagonals * STRIDE];
+        let shares = vec![0.0; layout.most_diagonals * CHUNK];
+        let work = Work { flows: places.clone(), wanted: places, shares, ..Work::default() };
         Self { layout, tops, window, work }
     }
 
