@@ -10,9 +10,11 @@
 //! | `sized` | the same for another number of agents |
 //! | `graph`, `clustering`, `topology`, `network` | who talks to whom, from distances to the hot path's arrays |
 //! | `protocol`, `discretisation`, `exchange`, `estimator` | the laws (9)-(13), one function per equation |
-//! | `sweep`, `wave`, `power`, `diagnosis`, `order` | the same for many agents at once, in vector code |
-//! | `few`, `lanes`, `roster` | the same for a handful of agents |
-//! | `delay`, `lag` | what agents know of each other, how late that is |
+//! | `sweep`, `wave`, `blocks`, `diagonals`, `ahead`, `kernels`, `power`, `diagnosis`, `order` | the same for many agents at once, in vector code |
+//! | `few`, `lanes`, `roster`; `plain` | the same for a handful of agents; when either will do |
+//! | `delay`, `channel`, `lag` | what agents know of each other, how late that is |
+//! | `fade` | how the exchange comes in, and moves where links come and go |
+//! | `part`, `partition`, `messages`, `across`, `outer`, `election` | one part of a fleet: what it is, tells and hears, who leads it |
 //! | `told`, `outlier` | wrong messages, and the option that sorts outliers out |
 //! | `limits`, `authority`, `relay`, `saturation` | what they can do, and what becomes of what they cannot |
 //! | `certificates`, `spectrum` | how long it takes |
