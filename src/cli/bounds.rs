@@ -33,8 +33,11 @@ struct Certified {
 impl Bounds {
     /// Computes them.
     pub fn of(resolved: &Resolved) -> Result<Self, Failure> {
-        let none = || {
-            miette::miette!("grid.case is \"none\": the errors at the start are not known; expected a case")
+        let none = || Failure {
+            report: miette::miette!(
+                "grid.case is \"none\": the errors at the start are not known; expected a case"
+            ),
+            code: 2,
         };
         let config = resolved.grid.as_ref().ok_or_else(none)?;
         let mut grid = GridModel::new(config).into_diagnostic()?;
