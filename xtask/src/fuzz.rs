@@ -54,7 +54,8 @@ pub fn guided(workspace: &Workspace, seconds: u64) -> Result<(), Failure> {
     fuzz.args(["fuzz", "run", "calls", "--features", "guided", "--target", TARGET, "--target-dir"]);
     fuzz.arg(workspace.target.join("guided")).arg(&found);
     fuzz.args(["fuzz/corpus", "--"]).arg(format!("-max_total_time={seconds}"));
-    fuzz.args(["-timeout=60", "-max_len=8192", "-rss_limit_mb=4096"]);
+    // The longest sequence there is: two steps of the grid that it gives up after two million internal ones.
+    fuzz.args(["-timeout=600", "-max_len=8192", "-rss_limit_mb=4096"]);
     run(fuzz.env("RUSTC_BOOTSTRAP", "1"))
 }
 

@@ -107,6 +107,8 @@ pub struct World<'a> {
     live: [Option<Live>; INSTANCES],
     slots: [Slot; SLOTS],
     blobs: Vec<Blob>,
+    /// Steps of more than a second that are still to be had where each may take a minute.
+    long_steps: u32,
     tally: Tally,
     trace: bool,
 }
@@ -128,6 +130,7 @@ impl<'a> World<'a> {
             live: Default::default(),
             slots: Default::default(),
             blobs: Vec::new(),
+            long_steps: 2,
             tally: Tally::default(),
             trace,
         };

@@ -33,8 +33,13 @@ impl World<'_> {
             step_s = step_s.min(self.subject.traits.longest_step_s);
         }
         // Numbers at which a step takes long are in play: no longer steps than it takes to see that.
-        if !self.choices.tame && self.subject.traits.may_refuse && step_s <= 1.0 {
-            step_s = step_s.min(1e-3);
+        if !self.choices.tame && self.subject.traits.may_refuse {
+            let is_long = step_s > 1.0 && step_s.is_finite();
+            if step_s <= 1.0 || is_long && self.long_steps == 0 {
+                step_s = step_s.min(1e-3);
+            } else if is_long {
+                self.long_steps -= 1;
+            }
         }
         let point_s = match self.choices.below(48) {
             0 => now_s + 5.0 + 1e-3 * step_s.abs().min(1e12),
