@@ -9,15 +9,48 @@ use super::power::power;
 /// Values at the lower and at the higher ends of edges.
 pub type Ends<'a> = (&'a [f64], &'a [f64]);
 
+/// abs(s(d)) of abs(d). No closure: nothing makes the compiler inline one, and what is not inline is not vector code.
+trait Magnitude: Copy {
+    fn of(self, m: f64) -> f64;
+}
+
+#[derive(Clone, Copy)]
+struct Root;
+#[derive(Clone, Copy)]
+struct Power(f64);
+#[derive(Clone, Copy)]
+struct Itself;
+
+impl Magnitude for Root {
+    #[inline(always)]
+    fn of(self, m: f64) -> f64 {
+        m.sqrt()
+    }
+}
+
+impl Magnitude for Power {
+    #[inline(always)]
+    fn of(self, m: f64) -> f64 {
+        power(m, self.0)
+    }
+}
+
+impl Magnitude for Itself {
+    #[inline(always)]
+    fn of(self, m: f64) -> f64 {
+        m
+    }
+}
+
 /// The flows along edges with these weights and shares of the cap, as [`Flow::along`], but never of the
 /// fixed-time law.
 #[inline(always)]
 pub fn flows(out: &mut [f64], x: Ends<'_>, weights: &[f64], shares: &[f64], flow: &Flow) {
     let law = (flow.gain, flow.inverse_theta);
     match flow.power {
-        SignPower::Root => flows_by(out, x, weights, shares, law, f64::sqrt),
-        SignPower::Power(eta) => flows_by(out, x, weights, shares, law, |m| power(m, eta)),
-        SignPower::Linear | SignPower::FixedTime { .. } => flows_by(out, x, weights, shares, law, |m| m),
+        SignPower::Root => flows_by(out, x, weights, shares, law, Root),
+        SignPower::Power(eta) => flows_by(out, x, weights, shares, law, Power(eta)),
+        SignPower::Linear | SignPower::FixedTime { .. } => flows_by(out, x, weights, shares, law, Itself),
     }
 }
 
@@ -28,14 +61,14 @@ fn flows_by(
     weights: &[f64],
     shares: &[f64],
     (gain, inverse_theta): (f64, f64),
-    s: impl Fn(f64) -> f64,
+    s: impl Magnitude,
 ) {
     let n = out.len();
     let (a, b, weights, shares) = (&a[..n], &b[..n], &weights[..n], &shares[..n]);
     for i in 0..n {
         let d = a[i] - b[i];
         let m = d.abs();
-        let law = gain * weights[i] * s(m);
+        let law = gain * weights[i] * s.of(m);
         let cap = m * shares[i] * inverse_theta;
         out[i] = least(cap, law).copysign(d);
     }
@@ -72,14 +105,14 @@ pub fn exchange(out: &mut [f64], wanted: &mut [f64], of: Stores<'_>, weights: &[
 #[inline(always)]
 fn flows_wanted(wanted: &mut [f64], of: Stores<'_>, weights: &[f64], law: &Flow) {
     match law.power {
-        SignPower::Root => wanted_by(wanted, of, weights, law, f64::sqrt),
-        SignPower::Power(eta) => wanted_by(wanted, of, weights, law, |m| power(m, eta)),
-        SignPower::Linear | SignPower::FixedTime { .. } => wanted_by(wanted, of, weights, law, |m| m),
+        SignPower::Root => wanted_by(wanted, of, weights, law, Root),
+        SignPower::Power(eta) => wanted_by(wanted, of, weights, law, Power(eta)),
+        SignPower::Linear | SignPower::FixedTime { .. } => wanted_by(wanted, of, weights, law, Itself),
     }
 }
 
 #[inline(always)]
-fn wanted_by(wanted: &mut [f64], of: Stores<'_>, weights: &[f64], law: &Flow, s: impl Fn(f64) -> f64) {
+fn wanted_by(wanted: &mut [f64], of: Stores<'_>, weights: &[f64], law: &Flow, s: impl Magnitude) {
     let n = wanted.len();
     let (gain, theta_E_s) = (law.gain, law.inverse_theta);
     let Stores { soc: (soc_a, soc_b), capacity: (C_a, C_b), crowd: (crowd_a, crowd_b), .. } = of;
@@ -87,7 +120,7 @@ fn wanted_by(wanted: &mut [f64], of: Stores<'_>, weights: &[f64], law: &Flow, s:
     let (C_a, C_b, crowd_a, crowd_b) = (&C_a[..n], &C_b[..n], &crowd_a[..n], &crowd_b[..n]);
     for i in 0..n {
         let m = (soc_a[i] - soc_b[i]).abs();
-        let law = gain * weights[i] * s(m);
+        let law = gain * weights[i] * s.of(m);
         let cap =
             SECONDS_PER_HOUR * least(C_b[i], C_a[i]) * m / (theta_E_s * greatest(crowd_b[i], crowd_a[i]));
         wanted[i] = least(cap, law);
