@@ -13,6 +13,7 @@ it back; pointing at a figure (at a mark, where there is no common axis) shows v
 import argparse
 import base64
 import json
+import os
 import pathlib
 import shutil
 import socket
@@ -101,17 +102,27 @@ class Browser:
         driver = shutil.which("chromedriver")
         if not chromium or not driver:
             raise RuntimeError("chromium and chromium-driver are needed: apt-get install chromium chromium-driver")
+        self.session = None
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             port = probe.getsockname()[1]
         self.base = f"http://127.0.0.1:{port}"
         self.log = open(pathlib.Path(folder) / "chromedriver.log", "wb")
-        self.process = subprocess.Popen([driver, f"--port={port}"], stdout=self.log, stderr=self.log)
-        self.session = None
+        # What the two leave behind when they are ended goes with the folder.
+        self.process = subprocess.Popen([driver, f"--port={port}"], stdout=self.log, stderr=self.log,
+                                        env={**os.environ, "TMPDIR": str(folder)})
+        try:
+            self.open(chromium, folder)
+        except BaseException:
+            self.close()
+            raise
+
+    def open(self, chromium, folder):
         arguments = [
             "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars",
             f"--user-data-dir={folder}/profile", "--host-resolver-rules=MAP * ~NOTFOUND",
             "--proxy-server=127.0.0.1:9", "--disable-background-networking", "--disable-component-update",
+            "--disable-sync", "--disable-quic", "--no-first-run",
             # A machine without a mouse would keep the figures' tool bars open.
             "--blink-settings=primaryHoverType=2,availableHoverTypes=2,primaryPointerType=4,availablePointerTypes=4",
         ]
@@ -166,8 +177,27 @@ class Browser:
                 self.call("DELETE", f"/session/{self.session}")
         finally:
             self.process.terminate()
-            self.process.wait(10)
+            try:
+                self.process.wait(10)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
             self.log.close()
+
+
+def started(folder, attempts=3):
+    """A browser that has started. One that does not is nothing that the report could help, and is tried again."""
+    for attempt in range(1, attempts + 1):
+        place = pathlib.Path(folder) / f"browser-{attempt}"
+        place.mkdir()
+        try:
+            return Browser(place)
+        except (RuntimeError, OSError) as error:
+            log = place / "chromedriver.log"
+            said = log.read_text(errors="replace").splitlines()[-5:] if log.exists() else []
+            print(f"browser, start {attempt} of {attempts}: {error}", *said, sep="\n  ", file=sys.stderr)
+            if attempt == attempts or not log.exists():
+                raise
 
 
 def wait_for(question, seconds=5.0):
@@ -279,7 +309,7 @@ def screenshot(browser, path, width):
 
 def run(options, folder):
     failures = []
-    browser = Browser(folder)
+    browser = started(folder)
     try:
         browser.resize(WIDTHS[0])
         # The browser's own start page loads much; what follows is the report's.
