@@ -241,6 +241,19 @@ fn faults_on_the_wire_reach_the_parts() {
     }
 }
 
+/// The largest spread among some agents is nobody's spread of all: whoever connects it is told, not left without.
+#[test]
+fn a_wire_from_what_no_part_knows_is_refused() {
+    for what in ["spread_P", "lambda_2"] {
+        let wire = json!([{ "from": format!("controller.{what}"), "to": "grid.dP_load[1]" }]);
+        let resolved = resolved("case1", &[("connections", wire)]);
+        let error = stage_apart(&resolved, &Cast::default(), Some(Cut::Clusters)).err().unwrap().to_string();
+        let expected = format!("the connection to grid.dP_load[1]: controller.{what} is the whole fleet's");
+        assert!(error.starts_with(&expected), "{error}");
+        assert!(stage_apart(&resolved, &Cast::default(), None).is_ok());
+    }
+}
+
 fn with_warnings((mut participants, plan): Staged) -> (Memory, Vec<String>) {
     let mut memory = Memory::new(1, |_| true);
     let outcome = run(&mut participants, &plan, &mut memory).unwrap();

@@ -220,6 +220,16 @@ fn all_clusters_and_the_grid_are_one_system_in_which_messages_cross_once() {
 }
 
 #[test]
+fn a_wire_from_what_no_part_knows_is_refused() {
+    for what in ["spread_P", "lambda_2"] {
+        let wire = format!("connections=[{{\"from\":\"controller.{what}\",\"to\":\"grid.dP_load[1]\"}}]");
+        let said = format!("connections: controller.{what} is the whole fleet's, which no one part");
+        refused(&["clusters", "case1", "--set", &wire], 2, &[&said, "expected a variable of one agent"]);
+        exported(&["system", "case1", "--set", &wire], "BessSystem.ssp");
+    }
+}
+
+#[test]
 fn a_part_that_is_not_there_is_refused() {
     refused(&["cluster", "3", "case1"], 2, &["NUMBER: found 3", "1 to 2"]);
     refused(&["agent", "0", "case1"], 2, &["NUMBER: found 0", "1 to 7"]);

@@ -1,7 +1,7 @@
 //! A scenario with its controller in parts, each a participant of its own: who takes part, what is connected, and where
 //! the variables of the whole are found. For those who run participants apart from each other.
 
-use super::coupling::{Connection, Endpoint};
+use super::coupling::{Connection, CouplingError, Endpoint};
 use super::description::{Causality, Variable};
 use super::error::HarnessError;
 use super::observer::Column;
@@ -11,7 +11,7 @@ use super::scenario::{CONTROLLER, Cast, Staged, in_process, stage};
 use super::screened::Screened;
 use super::value::Kind;
 use crate::models::Controller;
-use crate::models::fleet::{Cut, Fleet};
+use crate::models::fleet::{Cut, Fleet, NO_ONE_PLACE};
 use crate::scenario::Resolved;
 use crate::scenario::fault::WireFault;
 use std::collections::BTreeSet;
@@ -64,7 +64,7 @@ pub fn stage_apart(resolved: &Resolved, cast: &Cast, cut: Option<Cut>) -> Result
         .filter(|(_, sources)| !sources.is_empty())
         .collect();
     participants.retain(|participant| participant.name() != CONTROLLER);
-    let plan = spread(&fleet, &whole);
+    let plan = spread(&fleet, &whole)?;
     parts.extend(participants);
     Ok(Apart { staged: (parts, plan), whole, columns })
 }
@@ -135,10 +135,15 @@ fn places(fleet: &Fleet, participant: &str, variable: &str) -> Vec<Endpoint> {
 }
 
 /// The plan of the whole, for the parts: its wires and values where they belong now, and all ways of messages.
-fn spread(fleet: &Fleet, whole: &Plan) -> Plan {
+/// Refuses a wire from what no one part knows.
+fn spread(fleet: &Fleet, whole: &Plan) -> Result<Plan, CouplingError> {
     let mut connections = Vec::with_capacity(whole.connections.len());
-    for connection in &whole.connections {
-        let Connection { from, to, factor, offset } = connection;
+    for Connection { from, to, factor, offset } in &whole.connections {
+        if from.participant == CONTROLLER && fleet.only_place(&from.variable).is_none() {
+            let [found, expected] = NO_ONE_PLACE;
+            let (place, name) = (format!("the connection to {to}"), from.clone());
+            return Err(CouplingError::Role { place, name, found: found.to_owned(), expected });
+        }
         for to in places(fleet, &to.participant, &to.variable) {
             for from in places(fleet, &from.participant, &from.variable) {
                 connections.push(Connection { from, to: to.clone(), factor: *factor, offset: *offset });
@@ -164,7 +169,7 @@ fn spread(fleet: &Fleet, whole: &Plan) -> Plan {
         };
         settings.iter().flat_map(of).collect()
     };
-    Plan {
+    Ok(Plan {
         connections,
         initial: settings(&whole.initial),
         events: whole
@@ -173,5 +178,5 @@ fn spread(fleet: &Fleet, whole: &Plan) -> Plan {
             .map(|event| Event { at_ns: event.at_ns, sets: settings(&event.sets) })
             .collect(),
         ..whole.clone()
-    }
+    })
 }

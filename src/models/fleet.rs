@@ -10,6 +10,12 @@ use crate::fmi::lookup::Registry;
 use crate::fmi::{Interface, ModelError};
 use crate::models::Controller;
 
+/// What an output is that [`Fleet::only_place`] finds nowhere, and what can be connected instead.
+pub const NO_ONE_PLACE: [&str; 2] = [
+    "the whole fleet's, which no one part of the controller knows",
+    "a variable of one agent, or a controller that is not in parts",
+];
+
 /// What a part knows of its neighbours outside beside their messages: `remote_capacity`, `remote_P_exchange_max`.
 const AGREED_ON: [&str; 2] = ["capacity", "P_exchange_max"];
 
@@ -128,6 +134,14 @@ impl Fleet {
             Some((part, here.or_else(|| there().filter(|_| is_agreed_on))?))
         };
         self.parts.iter().enumerate().filter_map(of).collect()
+    }
+
+    /// The one part that knows an output of the whole controller, from 0; nobody where each part knows its own, or
+    /// none any.
+    pub fn only_place(&self, variable: &str) -> Option<(usize, String)> {
+        let mut places = self.places(variable);
+        let place = places.pop()?;
+        places.is_empty().then_some(place)
     }
 
     /// What a variable of part `part`, from 0, is called in the whole controller: the other way of [`Self::places`].

@@ -3,9 +3,9 @@
 
 use super::connections::{Connection, between, listed};
 use super::part::{Part, check_owners};
-use super::{CONTROLLER, GRID, Start, file, start_values, write};
+use super::{CONTROLLER, GRID, Start, SystemError, file, start_values, write};
 use crate::fmi::{Interface, Model};
-use crate::models::fleet::{Cut, Fleet};
+use crate::models::fleet::{Cut, Fleet, NO_ONE_PLACE};
 use crate::models::{Controller, Grid};
 use crate::package::{Libraries, PackageError, controller_of, grid};
 use crate::scenario::Resolved;
@@ -31,7 +31,7 @@ pub fn write_parts(
     let whole = [whole, grid_part];
     let mut wires = Vec::new();
     for connection in between(&whole, &resolved.wires)? {
-        wires.extend(spread(&fleet, &connection));
+        wires.extend(spread(&fleet, &connection)?);
     }
     let [_, grid_part] = whole;
     let start: Vec<Start> = start.iter().flat_map(|value| placed(&fleet, value)).collect();
@@ -49,13 +49,20 @@ pub fn write_parts(
     write(path, resolved, (&parts, &fmus), &connections)
 }
 
-/// What one wire of the whole controller becomes.
-fn spread(fleet: &Fleet, connection: &Connection) -> Vec<Wire> {
+/// What one wire of the whole controller becomes. Refused from what no one part knows.
+fn spread(fleet: &Fleet, connection: &Connection) -> Result<Vec<Wire>, SystemError> {
+    let (part, variable) = connection.from;
+    if part.name == CONTROLLER && fleet.only_place(&variable.structured).is_none() {
+        let [found, expected] = NO_ONE_PLACE;
+        let (path, name) = ("connections".to_owned(), &variable.structured);
+        let reason = format!("{CONTROLLER}.{name} is {found}; expected {expected}");
+        return Err(SystemError::Refused { path, reason });
+    }
     let places =
         |(part, variable): (&Part, &super::part::Variable)| named(fleet, &part.name, &variable.structured);
     let (from, to) = (places(connection.from), places(connection.to));
     let pairs = from.iter().flat_map(|from| to.iter().map(move |to| (from, to)));
-    pairs.map(|(from, to)| wire(from, to, (connection.factor, connection.offset))).collect()
+    Ok(pairs.map(|(from, to)| wire(from, to, (connection.factor, connection.offset))).collect())
 }
 
 /// Where a variable of a participant is when the controller is in parts.
