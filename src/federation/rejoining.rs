@@ -21,8 +21,8 @@ pub struct Rejoining {
     away_until_ns: Rc<Cell<i64>>,
     /// The inputs that are false while it is away.
     held: Vec<(u32, Kind)>,
-    /// What they shall be when it is back; nothing while they are not held back.
-    wanted: Option<Vec<f64>>,
+    /// What they shall be when it is back, of those that were not false anyway; nothing while none is held back.
+    wanted: Option<Vec<Option<f64>>>,
 }
 
 impl Rejoining {
@@ -35,14 +35,21 @@ impl Rejoining {
         Self { inner, away_until_ns, held, wanted: None }
     }
 
-    fn put(&mut self, values: &[f64]) -> Result<(), CallError> {
+    /// Sets those held back, and no other: who is out for another reason must not be told to stay so.
+    fn put(&mut self, values: impl Iterator<Item = Option<f64>>) -> Result<(), CallError> {
         for ((reference, kind), value) in self.held.iter().zip(values) {
-            match kind {
-                Kind::Real => self.inner.set_real(&[*reference], &[*value])?,
-                _ => self.inner.set_boolean(&[*reference], &[i32::from(*value >= 0.5)])?,
+            match (kind, value) {
+                (_, None) => {}
+                (Kind::Real, Some(value)) => self.inner.set_real(&[*reference], &[value])?,
+                (_, Some(value)) => self.inner.set_boolean(&[*reference], &[i32::from(value >= 0.5)])?,
             }
         }
         Ok(())
+    }
+
+    /// What all that is held back is set to.
+    fn hold(&mut self, wanted: &[Option<f64>]) -> Result<(), CallError> {
+        self.put(wanted.iter().map(|value| value.map(|_| 0.0)))
     }
 
     fn found(&mut self) -> Result<Vec<f64>, CallError> {
@@ -64,12 +71,17 @@ impl Rejoining {
 
     fn hold_back(&mut self, t_ns: i64) -> Result<(), CallError> {
         let is_away = t_ns + LATER_NS <= self.away_until_ns.get();
-        if is_away && self.wanted.is_none() {
-            self.wanted = Some(self.found()?);
-            self.put(&vec![0.0; self.held.len()])?;
-        } else if !is_away && let Some(wanted) = self.wanted.take() {
-            self.put(&wanted)?;
+        if !is_away {
+            let Some(wanted) = self.wanted.take() else { return Ok(()) };
+            return self.put(wanted.into_iter());
         }
+        // Who comes back by itself in the meantime is held back from then on.
+        let mut wanted = self.wanted.take().unwrap_or_else(|| vec![None; self.held.len()]);
+        for (wanted, found) in wanted.iter_mut().zip(self.found()?) {
+            *wanted = if found == 0.0 { *wanted } else { Some(found) };
+        }
+        self.hold(&wanted)?;
+        self.wanted = Some(wanted);
         Ok(())
     }
 
@@ -79,7 +91,7 @@ impl Rejoining {
         let wanted = self.wanted.as_mut().zip(place).and_then(|(wanted, place)| wanted.get_mut(place));
         let is_held = wanted.is_some();
         if let Some(wanted) = wanted {
-            *wanted = value;
+            *wanted = Some(value);
         }
         is_held
     }
@@ -170,9 +182,9 @@ impl Participant for Rejoining {
     fn save_state(&mut self) -> Result<StateHandle, CallError> {
         // A state kept while it is away is that of one who is not held back, or it would never be let go again.
         let Some(wanted) = self.wanted.clone() else { return self.inner.save_state() };
-        self.put(&wanted)?;
+        self.put(wanted.iter().copied())?;
         let state = self.inner.save_state();
-        self.put(&vec![0.0; self.held.len()])?;
+        self.hold(&wanted)?;
         state
     }
 
@@ -194,5 +206,61 @@ impl Participant for Rejoining {
 
     fn take_warnings(&mut self) -> Vec<String> {
         self.inner.take_warnings()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::harness::{Cast, stage_apart};
+    use crate::models::fleet::Cut;
+    use crate::scenario::Resolved;
+
+    const STEP_NS: i64 = 10_000_000;
+
+    /// The first cluster of Case 1, and the reference of its inputs.
+    fn cluster() -> Box<dyn Participant> {
+        let resolved = Resolved::load("case1", &serde_json::Map::new()).unwrap();
+        let (mut participants, _) =
+            stage_apart(&resolved, &Cast::default(), Some(Cut::Clusters)).unwrap().staged;
+        participants.swap_remove(0)
+    }
+
+    fn reference(own: &dyn Participant, name: &str) -> u32 {
+        own.variables().iter().find(|v| v.name == name && v.causality == Causality::Input).unwrap().reference
+    }
+
+    /// What its first two agents are told of themselves.
+    fn available(own: &mut dyn Participant) -> [i32; 2] {
+        let mut found = [-1; 2];
+        let references = ["available[1]", "available[2]"].map(|name| reference(own, name));
+        own.get_boolean(&references, &mut found).unwrap();
+        found
+    }
+
+    #[test]
+    fn who_is_out_for_a_measurement_comes_back_with_the_measurement() {
+        for returns_at_step in [3, 7] {
+            let mut own = cluster();
+            own.setup(0, None).unwrap();
+            own.enter_initialization().unwrap();
+            own.exit_initialization().unwrap();
+            let measurement = reference(own.as_ref(), "P[2]");
+            own.set_real(&[measurement], &[f64::NAN]).unwrap();
+            assert_eq!(available(own.as_mut()), [1, 0]);
+            // As one that comes back from its checkpoint and was away for five steps.
+            let mut own = Rejoining::new(own, Rc::new(Cell::new(5 * STEP_NS)));
+            for k in 0..9 {
+                if k == returns_at_step {
+                    own.set_real(&[measurement], &[0.1]).unwrap();
+                }
+                own.do_step(k * STEP_NS, STEP_NS).unwrap();
+                let is_back = k >= 5;
+                let expected = [is_back, is_back && k >= returns_at_step].map(i32::from);
+                let is_one_step_late = k == returns_at_step && k < 5;
+                assert!(is_one_step_late || available(&mut own) == expected, "{returns_at_step}: step {k}");
+            }
+        }
     }
 }
