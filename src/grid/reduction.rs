@@ -7,16 +7,22 @@ use super::plant::Plant;
 use super::workspace::Workspace;
 use faer::c64;
 
+/// Sources whose currents are found side by side, as vector code wants it however few there are.
+pub(super) const LANES: usize = 8;
+type Lanes = [f64; LANES];
+
 /// Dense matrices between sources, buses and loads that are not impedances. All column after column.
 #[derive(Clone)]
 pub struct Reduction {
     n: usize,
     n_bus: usize,
-    /// n x n: source currents from source voltages, real and imaginary parts.
-    g: Vec<f64>,
-    b: Vec<f64>,
-    /// Source currents from the main grid.
-    i_tie: Vec<(f64, f64)>,
+    /// n x n: source currents from source voltages, real and imaginary parts; the columns of the first [`LANES`]
+    /// rows, then those of the next. Zero in rows beyond the last.
+    g: Vec<Lanes>,
+    b: Vec<Lanes>,
+    /// Source currents from the main grid, real and imaginary parts.
+    tie_re: Vec<Lanes>,
+    tie_im: Vec<Lanes>,
     /// n_bus x (n + 1): bus voltages from the sources, the main grid last.
     transfer: Vec<c64>,
     /// The same, real and imaginary parts apart.
@@ -39,9 +45,10 @@ impl Reduction {
         Self {
             n,
             n_bus,
-            g: vec![0.0; n * n],
-            b: vec![0.0; n * n],
-            i_tie: vec![(0.0, 0.0); n],
+            g: vec![[0.0; LANES]; n.div_ceil(LANES) * n],
+            b: vec![[0.0; LANES]; n.div_ceil(LANES) * n],
+            tie_re: vec![[0.0; LANES]; n.div_ceil(LANES)],
+            tie_im: vec![[0.0; LANES]; n.div_ceil(LANES)],
             transfer: vec![c64::ZERO; n_bus * (n + 1)],
             transfer_re: vec![0.0; n_bus * (n + 1)],
             transfer_im: vec![0.0; n_bus * (n + 1)],
@@ -72,12 +79,13 @@ impl Reduction {
             for i in 0..n {
                 let own = if i == s { source[i] } else { c64::ZERO };
                 let y = own - source[i] * self.transfer[s * n_bus + plant.bess_bus[i]];
-                (self.g[s * n + i], self.b[s * n + i]) = (y.re, y.im);
+                let (column, lane) = (i / LANES * n + s, i % LANES);
+                (self.g[column][lane], self.b[column][lane]) = (y.re, y.im);
             }
         }
         for i in 0..n {
             let y = -source[i] * self.transfer[n * n_bus + plant.bess_bus[i]];
-            self.i_tie[i] = (y.re, y.im);
+            (self.tie_re[i / LANES][i % LANES], self.tie_im[i / LANES][i % LANES]) = (y.re, y.im);
         }
         if !plant.nonlinear.is_empty() {
             self.z_load.fill(c64::ZERO);
@@ -96,7 +104,7 @@ impl Reduction {
                 }
             }
         }
-        let finite = self.g.iter().chain(&self.b).all(|x| x.is_finite())
+        let finite = self.g.iter().chain(&self.b).flatten().all(|x| x.is_finite())
             && self.transfer.iter().chain(&self.z_load).all(|z| z.is_finite());
         if finite { Ok(()) } else { Err(GridError::Singular { what: "the network with its present loads" }) }
     }
@@ -105,18 +113,20 @@ impl Reduction {
     #[inline(always)]
     pub fn currents(&self, plant: &Plant, ws: &mut Workspace) -> Result<(), GridError> {
         let n = self.n;
-        let (i_re, i_im) = (&mut ws.i_re[..n], &mut ws.i_im[..n]);
-        for (i, &(re, im)) in self.i_tie.iter().enumerate() {
-            i_re[i] = re;
-            i_im[i] = im;
-        }
-        for ((g, b), (&er, &ei)) in
-            self.g.chunks_exact(n).zip(self.b.chunks_exact(n)).zip(ws.e_re.iter().zip(&ws.e_im))
+        let (e_re, e_im) = (&ws.e_re[..n], &ws.e_im[..n]);
+        let rows = ws.i_re.as_chunks_mut().0.iter_mut().zip(ws.i_im.as_chunks_mut().0);
+        let columns = self.g.chunks_exact(n).zip(self.b.chunks_exact(n));
+        for (((i_re, i_im), (g, b)), (re, im)) in rows.zip(columns).zip(self.tie_re.iter().zip(&self.tie_im))
         {
-            for i in 0..n {
-                i_re[i] += g[i] * er - b[i] * ei;
-                i_im[i] += g[i] * ei + b[i] * er;
+            let (mut sum_re, mut sum_im): (Lanes, Lanes) = (*re, *im);
+            for s in 0..n {
+                let (g, b, er, ei) = (&g[s], &b[s], e_re[s], e_im[s]);
+                for lane in 0..LANES {
+                    sum_re[lane] += g[lane] * er - b[lane] * ei;
+                    sum_im[lane] += g[lane] * ei + b[lane] * er;
+                }
             }
+            (*i_re, *i_im) = (sum_re, sum_im);
         }
         if !plant.nonlinear.is_empty() {
             self.solve_loads(plant, ws)?;

@@ -3,6 +3,7 @@
 //! before it reads.
 
 use super::lu::Scratch;
+use super::reduction::LANES;
 use super::trigonometry::sin_cos;
 use faer::c64;
 
@@ -13,7 +14,8 @@ pub struct Workspace {
     pub e_re: Vec<f64>,
     /// Imaginary part.
     pub e_im: Vec<f64>,
-    /// Real and imaginary parts of the currents that the sources send into the network, pu.
+    /// Real and imaginary parts of the currents that the sources send into the network, pu; then zeros that
+    /// fill up the last [`LANES`].
     pub i_re: Vec<f64>,
     /// Imaginary part.
     pub i_im: Vec<f64>,
@@ -46,8 +48,8 @@ impl Workspace {
         Self {
             e_re: vec![0.0; n],
             e_im: vec![0.0; n],
-            i_re: vec![0.0; n],
-            i_im: vec![0.0; n],
+            i_re: vec![0.0; n.next_multiple_of(LANES)],
+            i_im: vec![0.0; n.next_multiple_of(LANES)],
             sin: vec![0.0; n],
             cos: vec![0.0; n],
             bus_re: vec![0.0; n_bus],
