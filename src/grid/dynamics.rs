@@ -44,10 +44,12 @@ impl Dynamics for Grid<'_> {
         for i in 0..n {
             d_delta[i] = angle_rate(omega(omega_set[i], K_P[i], P[i], P_set[i]), self.omega_b);
         }
-        for (i, (p, q)) in ws.powers().enumerate().take(n) {
-            d_P[i] = power_filter(p, P[i], k.omega_c);
-            d_Q[i] = power_filter(q, Q[i], k.omega_c);
-            d_E[i] = energy_rate(p);
+        ws.find_powers();
+        let (p, q) = (&ws.p[..n], &ws.q[..n]);
+        for i in 0..n {
+            d_P[i] = power_filter(p[i], P[i], k.omega_c);
+            d_Q[i] = power_filter(q[i], Q[i], k.omega_c);
+            d_E[i] = energy_rate(p[i]);
         }
         true
     }

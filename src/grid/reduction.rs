@@ -164,7 +164,7 @@ impl Reduction {
         v_re.copy_from_slice(&self.transfer_re[self.n * n_bus..]);
         v_im.copy_from_slice(&self.transfer_im[self.n * n_bus..]);
         let columns = self.transfer_re.chunks_exact(n_bus).zip(self.transfer_im.chunks_exact(n_bus));
-        for ((w_re, w_im), (&re, &im)) in columns.zip(ws.e_re.iter().zip(&ws.e_im)) {
+        for ((w_re, w_im), (&re, &im)) in columns.zip(ws.e_re[..self.n].iter().zip(&ws.e_im)) {
             for b in 0..n_bus {
                 v_re[b] += w_re[b] * re - w_im[b] * im;
                 v_im[b] += w_re[b] * im + w_im[b] * re;

@@ -10,15 +10,19 @@ use faer::c64;
 /// Memory for evaluating a network; made by [`super::network::Network::workspace`].
 #[derive(Clone)]
 pub struct Workspace {
-    /// Real and imaginary parts of the sources' voltages, pu; to be filled before an evaluation.
+    /// Real and imaginary parts of the sources' voltages, pu; to be filled before an evaluation. Then zeros that
+    /// fill up the last [`LANES`].
     pub e_re: Vec<f64>,
     /// Imaginary part.
     pub e_im: Vec<f64>,
-    /// Real and imaginary parts of the currents that the sources send into the network, pu; then zeros that
-    /// fill up the last [`LANES`].
+    /// Real and imaginary parts of the currents that the sources send into the network, pu, as long.
     pub i_re: Vec<f64>,
     /// Imaginary part.
     pub i_im: Vec<f64>,
+    /// Instantaneous powers of the sources, pu, as long.
+    pub p: Vec<f64>,
+    /// Reactive, positive inductive.
+    pub q: Vec<f64>,
     /// Sines and cosines of the sources' angles.
     sin: Vec<f64>,
     cos: Vec<f64>,
@@ -45,11 +49,14 @@ pub struct Workspace {
 
 impl Workspace {
     pub(super) fn new(n: usize, n_bus: usize, n_load: usize, n_active: usize, scratch: Scratch) -> Self {
+        let padded = n.next_multiple_of(LANES);
         Self {
-            e_re: vec![0.0; n],
-            e_im: vec![0.0; n],
-            i_re: vec![0.0; n.next_multiple_of(LANES)],
-            i_im: vec![0.0; n.next_multiple_of(LANES)],
+            e_re: vec![0.0; padded],
+            e_im: vec![0.0; padded],
+            i_re: vec![0.0; padded],
+            i_im: vec![0.0; padded],
+            p: vec![0.0; padded],
+            q: vec![0.0; padded],
             sin: vec![0.0; n],
             cos: vec![0.0; n],
             bus_re: vec![0.0; n_bus],
@@ -83,11 +90,20 @@ impl Workspace {
         }
     }
 
-    /// Instantaneous powers (p, q) of the sources, pu, q positive inductive.
+    /// Finds the instantaneous powers p and q of the sources, pu, q positive inductive.
     #[inline(always)]
-    pub fn powers(&self) -> impl Iterator<Item = (f64, f64)> {
-        let voltages = self.e_re.iter().zip(&self.e_im);
-        let currents = self.i_re.iter().zip(&self.i_im);
-        voltages.zip(currents).map(|((er, ei), (ir, ii))| (er * ir + ei * ii, ei * ir - er * ii))
+    pub fn find_powers(&mut self) {
+        fn lanes(values: &[f64]) -> impl Iterator<Item = &[f64; LANES]> {
+            values.as_chunks().0.iter()
+        }
+        let voltages = lanes(&self.e_re).zip(lanes(&self.e_im));
+        let currents = lanes(&self.i_re).zip(lanes(&self.i_im));
+        let powers = self.p.as_chunks_mut::<LANES>().0.iter_mut().zip(self.q.as_chunks_mut::<LANES>().0);
+        for ((p, q), ((er, ei), (ir, ii))) in powers.zip(voltages.zip(currents)) {
+            for lane in 0..LANES {
+                p[lane] = er[lane] * ir[lane] + ei[lane] * ii[lane];
+                q[lane] = ei[lane] * ir[lane] - er[lane] * ii[lane];
+            }
+        }
     }
 }
