@@ -11,7 +11,7 @@ use faer::c64;
 #[derive(Clone)]
 pub struct Workspace {
     /// Real and imaginary parts of the sources' voltages, pu; to be filled before an evaluation. Then zeros that
-    /// fill up the last [`LANES`].
+    /// fill up the last eight.
     pub e_re: Vec<f64>,
     /// Imaginary part.
     pub e_im: Vec<f64>,
