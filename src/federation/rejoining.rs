@@ -258,8 +258,7 @@ mod tests {
                 own.do_step(k * STEP_NS, STEP_NS).unwrap();
                 let is_back = k >= 5;
                 let expected = [is_back, is_back && k >= returns_at_step].map(i32::from);
-                let is_one_step_late = k == returns_at_step && k < 5;
-                assert!(is_one_step_late || available(&mut own) == expected, "{returns_at_step}: step {k}");
+                assert_eq!(available(&mut own), expected, "{returns_at_step}: step {k}");
             }
         }
     }
