@@ -1,14 +1,15 @@
-//! A checkpoint on disk: whose run it is, where that run stood, and how far its files had come. Written under another
-//! name and renamed, so that there is always a whole one; refused where it is damaged or belongs to another run.
+//! A checkpoint on disk: whose run it is, where that run stood, and how far its files had come. There is always a whole
+//! one; refused where it is damaged or belongs to another run.
 
 use super::csv::Mark;
 use super::hash::Fnv64;
 use super::master::Position;
 use super::participant::Participant;
+use super::whole::write_whole;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::fs;
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Name of the file, in the folder of the results.
@@ -131,13 +132,7 @@ impl Checkpoint {
     /// Writes it into this folder in place of the one before.
     pub fn write(&self, folder: &Path) -> io::Result<()> {
         let payload = postcard::to_stdvec(self).map_err(io::Error::other)?;
-        let mut file = tempfile::Builder::new().prefix(".checkpoint-").tempfile_in(folder)?;
-        file.write_all(MAGIC)?;
-        file.write_all(&Fnv64::of(&payload).to_le_bytes())?;
-        file.write_all(&payload)?;
-        file.as_file().sync_all()?;
-        file.persist(folder.join(CHECKPOINT)).map_err(|error| error.error)?;
-        Ok(())
+        write_whole(&folder.join(CHECKPOINT), &[MAGIC, &Fnv64::of(&payload).to_le_bytes(), &payload])
     }
 
     /// Reads the one in this folder, if it belongs to this run.

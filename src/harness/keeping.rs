@@ -9,6 +9,7 @@ use super::master::Position;
 use super::memory::Memory;
 use super::observer::{Experiment, Observer, ObserverError, Sample};
 use super::recorder::Recorder;
+use super::whole::part_of;
 use std::fs::{self, File};
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -67,8 +68,10 @@ impl Keeping {
 
     /// Removes the checkpoint; done when all results that need it are written.
     pub fn clear(folder: &Path) -> io::Result<()> {
-        for name in [CHECKPOINT, SAMPLES] {
-            match fs::remove_file(folder.join(name)) {
+        let checkpoint = folder.join(CHECKPOINT);
+        // The half of one is there where a run was killed while it wrote it.
+        for path in [part_of(&checkpoint), checkpoint, folder.join(SAMPLES)] {
+            match fs::remove_file(path) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
                 _ => {}
             }

@@ -36,6 +36,7 @@ mod screened;
 pub mod slave;
 mod slave_state;
 pub mod value;
+pub mod whole;
 mod wiring;
 
 pub use apart::{Apart, stage_apart};

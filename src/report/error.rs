@@ -1,8 +1,6 @@
 //! Why a report cannot be made: what, where, found, expected.
 
-use std::path::PathBuf;
-
-/// Why a report cannot be made or written.
+/// Why a report cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// A standard figure needs a column that was not recorded.
@@ -58,13 +56,4 @@ pub enum ReportError {
     /// The figures cannot be put into JSON.
     #[error("the figures cannot be written as JSON")]
     Json(#[from] serde_json::Error),
-    /// The file cannot be written.
-    #[error("the report cannot be written to `{path}`; check that the folder exists and is writable")]
-    Write {
-        /// Where it should have gone.
-        path: PathBuf,
-        /// What the system says.
-        #[source]
-        source: std::io::Error,
-    },
 }

@@ -9,9 +9,6 @@ use plotly::configuration::{
 };
 use serde_json::{Map, Value};
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::Write as _;
-use std::path::Path;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
@@ -62,31 +59,6 @@ impl Report {
         }
         html.push_str("</body>\n</html>\n");
         Ok(html)
-    }
-
-    /// Writes the page, under another name first, so that a reader never meets half a page and an older
-    /// report survives a failure.
-    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
-        let html = self.to_html()?;
-        let refused = |source| ReportError::Write { path: path.to_owned(), source };
-        let Some(name) = path.file_name() else {
-            return Err(refused(std::io::Error::new(
-                std::io::ErrorKind::InvalidInput,
-                "the path names no file",
-            )));
-        };
-        let mut temporary_name = std::ffi::OsString::from(".");
-        temporary_name.push(name);
-        temporary_name.push(format!(".{}.tmp", std::process::id()));
-        let temporary = path.with_file_name(temporary_name);
-        let written = File::create(&temporary)
-            .and_then(|mut file| file.write_all(html.as_bytes()).and_then(|()| file.sync_all()))
-            .and_then(|()| std::fs::rename(&temporary, path));
-        written.map_err(|source| {
-            // What failed matters to the caller, not whether the remains could be removed.
-            let _ = std::fs::remove_file(&temporary);
-            refused(source)
-        })
     }
 }
 

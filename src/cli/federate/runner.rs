@@ -7,6 +7,7 @@ use super::merge::Remains;
 use super::{Core, FederateArgs, broker, failed, helics_cli, member, merge};
 use crate::federation::{Federation, Helics};
 use crate::harness::scenario::GRID;
+use crate::harness::whole::write_whole;
 use crate::scenario::Resolved;
 use clap::ValueEnum;
 use indicatif::ProgressBar;
@@ -369,5 +370,7 @@ fn write_runner_file(
     let document = helics_cli::document(args, &resolved.scenario.name, names, folder);
     let path = folder.join(helics_cli::FILE);
     let text = serde_json::to_string_pretty(&document).into_diagnostic()? + "\n";
-    Ok(std::fs::write(&path, text).into_diagnostic().wrap_err_with(|| path.display().to_string())?)
+    Ok(write_whole(&path, &[text.as_bytes()])
+        .into_diagnostic()
+        .wrap_err_with(|| path.display().to_string())?)
 }

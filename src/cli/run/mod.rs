@@ -15,6 +15,7 @@ pub use record::{bar, identity, replay};
 
 use super::{Failure, ScenarioArgs, duration, print, results_folder};
 use crate::control::partition::Cut;
+use crate::harness::whole::write_whole;
 use crate::harness::{Cast, HarnessError, Keeping, Origin, Trouble};
 use crate::report::Report;
 use crate::scenario::{self, Resolved};
@@ -199,9 +200,10 @@ fn stillborn(args: &RunArgs, resolved: &Resolved, folder: &Path, error: HarnessE
 
 fn write(report: &Report, folder: &Path) -> Result<(), Failure> {
     let path = folder.join("report.html");
-    let written = std::fs::create_dir_all(folder).into_diagnostic();
-    let written = written.and_then(|()| report.write(&path).into_diagnostic());
-    Ok(written.wrap_err_with(|| format!("{}: the report", path.display()))?)
+    let named = || format!("{}: the report", path.display());
+    let html = report.to_html().into_diagnostic().wrap_err_with(named)?;
+    let written = std::fs::create_dir_all(folder).and_then(|()| write_whole(&path, &[html.as_bytes()]));
+    Ok(written.into_diagnostic().wrap_err_with(|| format!("{} cannot be written", named()))?)
 }
 
 /// The failure with where to look.

@@ -6,11 +6,11 @@ use super::ended::Ended;
 use super::record::Record;
 use super::sections::{certificates, communication, figures_of_paper, side_by_side};
 use super::terms::Terms;
+use crate::harness::whole::write_whole;
 use crate::report::{FaultRow, Item, Phase, Report, Section, Status, fault_table, five_states, phase_table};
 use crate::scenario::Resolved;
 use miette::{IntoDiagnostic, WrapErr};
 use serde::Serialize;
-use std::io::Write;
 use std::path::Path;
 
 /// What `summary.json` holds.
@@ -114,15 +114,7 @@ impl Results {
     /// Writes `summary.json`, whole or not at all.
     pub fn write_summary(&self, path: &Path) -> Result<(), Failure> {
         let text = serde_json::to_string_pretty(self).into_diagnostic()?;
-        let folder = path.parent().unwrap_or(Path::new("."));
-        let mut builder = tempfile::Builder::new();
-        // Readable like any other file of the user.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let written = builder.tempfile_in(folder).and_then(|mut file| {
-            writeln!(file, "{text}")?;
-            file.persist(path).map_err(|e| e.error).map(|_| ())
-        });
+        let written = write_whole(path, &[text.as_bytes(), b"\n"]);
         Ok(written.into_diagnostic().wrap_err_with(|| format!("{}: cannot be written", path.display()))?)
     }
 
