@@ -283,12 +283,14 @@ impl GridModel {
     }
 
     /// Voltage magnitude of the bus at position `b` (from 0), pu; 0 at an isolated bus.
+    #[inline]
     pub fn bus_V(&self, b: usize) -> f64 {
         self.up_to_date(|readout| readout.vm[b])
     }
 
     /// Voltage angle of the bus at position `b` (from 0), rad in [-pi, pi], against a frame at nominal
     /// frequency in which the main grid stands at 0.
+    #[inline]
     pub fn bus_angle(&self, b: usize) -> f64 {
         self.up_to_date(|readout| readout.va[b])
     }
@@ -329,15 +331,16 @@ impl GridModel {
 
     #[inline]
     fn up_to_date<T>(&self, get: impl FnOnce(&Readout) -> T) -> T {
-        let readout = self.readout.borrow();
-        if readout.valid {
-            return get(&readout);
+        if !self.readout.borrow().valid {
+            self.read_late();
         }
-        drop(readout);
-        let mut readout = self.readout.borrow_mut();
+        get(&self.readout.borrow())
+    }
+
+    #[cold]
+    fn read_late(&self) {
         // After a refresh or a step that succeeded this cannot fail; the values before stay otherwise.
-        let _ = self.read(&mut readout);
-        get(&readout)
+        let _ = self.read(&mut self.readout.borrow_mut());
     }
 
     fn read(&self, readout: &mut Readout) -> Result<(), GridError> {

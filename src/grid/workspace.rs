@@ -23,7 +23,8 @@ pub struct Workspace {
     pub p: Vec<f64>,
     /// Reactive, positive inductive.
     pub q: Vec<f64>,
-    /// Sines and cosines of the sources' angles.
+    /// The sources' angles, rad, with their sines and cosines, as long.
+    angle: Vec<f64>,
     sin: Vec<f64>,
     cos: Vec<f64>,
     /// Bus voltages, real and imaginary parts, of the dense method.
@@ -57,8 +58,9 @@ impl Workspace {
             i_im: vec![0.0; padded],
             p: vec![0.0; padded],
             q: vec![0.0; padded],
-            sin: vec![0.0; n],
-            cos: vec![0.0; n],
+            angle: vec![0.0; padded],
+            sin: vec![0.0; padded],
+            cos: vec![0.0; padded],
             bus_re: vec![0.0; n_bus],
             bus_im: vec![0.0; n_bus],
             v: vec![c64::ZERO; n_bus],
@@ -81,7 +83,10 @@ impl Workspace {
     /// Sets the voltages of all sources: magnitudes `V`, pu, angles `delta`, rad.
     #[inline(always)]
     pub fn set_sources(&mut self, V: impl Iterator<Item = f64>, delta: &[f64]) {
-        sin_cos(delta, &mut self.sin, &mut self.cos);
+        for (angle, delta) in self.angle.iter_mut().zip(delta) {
+            *angle = *delta;
+        }
+        sin_cos(&self.angle, &mut self.sin, &mut self.cos);
         let directions = self.cos.iter().zip(&self.sin);
         let voltages = self.e_re.iter_mut().zip(&mut self.e_im);
         for (((re, im), (cos, sin)), V) in voltages.zip(directions).zip(V) {
