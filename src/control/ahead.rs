@@ -29,44 +29,49 @@ impl Ahead {
         Self { measure: top..top + CHUNK, finish: end..end + CHUNK }
     }
 
-    /// Asks for weights and flows, as many as this block has.
+    /// Asks for weights and flows, as many as these rows have, which stand as far behind them as the block is long.
     #[inline(always)]
-    pub fn ask_edges(&self, block: &Block, weights: &[f64], flows: &[f64]) {
+    pub fn ask_edges(&self, block: &Block, rows: &Range<usize>, weights: &[f64], flows: &[f64]) {
         if !self.finish.is_empty() {
             let edges = block.edges.len();
+            let diagonals = edges / block.rows.max(1);
+            let (from, to) = (rows.start * diagonals, rows.end * diagonals);
             let places = block.weights + edges;
-            ask(weights, places..places + edges);
-            ask(flows, block.edges.end..block.edges.end + edges);
+            ask(weights, places + from..places + to);
+            ask(flows, block.edges.end + from..block.edges.end + to);
         }
     }
 
-    /// Asks for one of four parts of the agents, so that the memory always has something to do, but not all at once.
+    /// Asks for one of four parts of as many agents as these rows, so that the memory always has something to do,
+    /// but not all at once.
     #[inline(always)]
-    pub fn ask(&self, part: usize, state: &State, (live, peers): (&[bool], &[u32])) {
+    pub fn ask(&self, part: usize, rows: &Range<usize>, state: &State, (live, peers): (&[bool], &[u32])) {
+        if self.finish.is_empty() {
+            return;
+        }
+        let of = |range: &Range<usize>| range.start + rows.start..range.start + rows.end;
+        let (measure, finish) = (of(&self.measure), of(&self.finish));
         let State { inputs, parameters, outputs, lags, adopted, .. } = state;
         let numbers: [(&Range<usize>, &[&[f64]]); 2] = match part {
             0 => [
-                (&self.measure, &[&inputs.omega, &inputs.V, &inputs.P, &parameters.K_P, &outputs.P_set]),
-                (&self.finish, &[]),
+                (&measure, &[&inputs.omega, &inputs.V, &inputs.P, &parameters.K_P, &outputs.P_set]),
+                (&finish, &[]),
             ],
             1 => [
-                (
-                    &self.measure,
-                    &[&inputs.Q, &parameters.K_Q, &outputs.Q_set, &inputs.E, &parameters.capacity],
-                ),
-                (&self.finish, &[]),
+                (&measure, &[&inputs.Q, &parameters.K_Q, &outputs.Q_set, &inputs.E, &parameters.capacity]),
+                (&finish, &[]),
             ],
             2 => [
-                (&self.measure, &[&parameters.P_exchange_max]),
+                (&measure, &[&parameters.P_exchange_max]),
                 (
-                    &self.finish,
+                    &finish,
                     &[&outputs.u_omega, &outputs.u_P, &outputs.omega_set, &lags.frequency.past[LONGEST]],
                 ),
             ],
             _ => [
-                (&self.measure, &[]),
+                (&measure, &[]),
                 (
-                    &self.finish,
+                    &finish,
                     &[&outputs.u_V, &outputs.u_Q, &outputs.u_E, &outputs.V_set, &lags.voltage.past[LONGEST]],
                 ),
             ],
@@ -77,9 +82,9 @@ impl Ahead {
             }
         }
         if part == 2 {
-            ask(peers, self.measure.clone());
+            ask(peers, measure.clone());
             for flags in [live, &adopted.available, &outputs.saturated] {
-                ask(flags, self.finish.clone());
+                ask(flags, finish.clone());
             }
         }
     }

@@ -95,6 +95,16 @@ pub fn no_load(level: f64, droop: f64, power: f64) -> f64 {
     level + droop * power
 }
 
+/// Adds to the levels of some agents what they do not show yet; `shown` is the sigma that they do show.
+#[inline(always)]
+pub(super) fn reveal(level: &mut [f64], shown: &[f64], (set, droop, power_set): (&[f64], &[f64], &[f64])) {
+    let n = level.len();
+    let (shown, set, droop, power_set) = (&shown[..n], &set[..n], &droop[..n], &power_set[..n]);
+    for i in 0..n {
+        level[i] += no_load(set[i], droop[i], power_set[i]) - shown[i];
+    }
+}
+
 /// sigma of some agents.
 #[inline(always)]
 fn remember(past: &mut [f64], set: &[f64], droop: &[f64], power_set: &[f64]) {
@@ -146,11 +156,15 @@ impl Lag {
         if self.adds_unseen() { sigma - self.past[self.steps - 1][i] } else { 0.0 }
     }
 
-    /// The same of agents side by side, where [`Self::adds_unseen`].
+    /// The sigma of all agents that the measurements show, where [`Self::adds_unseen`].
+    pub(super) fn shown(&self) -> Option<&[f64]> {
+        self.steps.checked_sub(1).and_then(|k| self.past.get(k)).map(Vec::as_slice)
+    }
+
+    /// [`Self::unseen`] of agents side by side, where [`Self::adds_unseen`].
     #[inline(always)]
     pub(super) fn unseen_few(&self, sigma: &Lanes) -> Lanes {
-        let past =
-            self.steps.checked_sub(1).and_then(|k| self.past.get(k)).map_or(*sigma, |past| load_few(past));
+        let past = self.shown().map_or(*sigma, load_few);
         let mut unseen = *sigma;
         for lane in 0..LANES {
             unseen[lane] -= past[lane];

@@ -10,14 +10,19 @@ use super::diagnosis::{Diagnosis, Seen};
 use super::diagonals::{self, place, places};
 use super::discretisation::Flow;
 use super::exchange::SECONDS_PER_HOUR;
-use super::kernels::{self, Stores};
-use super::lag::{Tally, no_load};
+use super::kernels::{self, Ends, Stores};
+use super::lag::{Tally, reveal};
 use super::network::Pin;
 use super::plain::Pass;
 use super::state::State;
 use super::time::seconds;
 use super::wave::{BATCH, Stages, Wave, Window, Work, at};
 use pulp::{Arch, NullaryFnOnce};
+use std::ops::Range;
+
+/// Rows of a block that are taken together: between them the memory is asked for what comes next. Fewer or more
+/// were slower.
+const PIECE: usize = 64;
 
 /// Everything that the stages read and write.
 struct Sweep<'a> {
@@ -140,17 +145,13 @@ impl Stages for Sweep<'_> {
             share[pin.agent - from] = pin.share;
             self.next_pin[0] += 1;
         }
-        if self.adds_unseen[0] {
-            for i in r.clone() {
-                let sigma = no_load(outputs.omega_set[i], parameters.K_P[i], outputs.P_set[i]);
-                omega[i - from] += lags.frequency.unseen(i, sigma);
-            }
+        if let Some(shown) = lags.frequency.shown().filter(|_| self.adds_unseen[0]) {
+            let set = &outputs.omega_set[r.clone()];
+            reveal(omega, &shown[r.clone()], (set, &parameters.K_P[r.clone()], &outputs.P_set[r.clone()]));
         }
-        if self.adds_unseen[1] {
-            for i in r {
-                let sigma = no_load(outputs.V_set[i], parameters.K_Q[i], outputs.Q_set[i]);
-                V[i - from] += lags.voltage.unseen(i, sigma);
-            }
+        if let Some(shown) = lags.voltage.shown().filter(|_| self.adds_unseen[1]) {
+            let set = &outputs.V_set[r.clone()];
+            reveal(V, &shown[r.clone()], (set, &parameters.K_Q[r.clone()], &outputs.Q_set[r]));
         }
     }
 
@@ -252,8 +253,6 @@ impl Sweep<'_> {
         let rows = block.rows;
         let own = window.of(block.first, block.first + rows);
         let ahead = Ahead::of(block, offsets, self.live.len());
-        ahead.ask_edges(block, weights, &self.state.flows);
-        let weights = &weights[block.weights..block.weights + offsets.len() * rows];
         let of = |k: usize| k * rows..(k + 1) * rows;
         let ends = |quantity: usize, offset: u32| {
             let (values, offset) = (&window.signals[quantity], offset as usize);
@@ -263,23 +262,36 @@ impl Sweep<'_> {
         for (k, &offset) in offsets.iter().enumerate() {
             kernels::smaller(&mut work.shares[of(k)], ends(at::SHARE, offset));
         }
+        let pieces = || (0..rows).step_by(PIECE).map(|from| from..rows.min(from + PIECE));
+        let along = |k: usize, piece: &Range<usize>| {
+            block.weights + k * rows + piece.start..block.weights + k * rows + piece.end
+        };
         for (quantity, law) in self.laws.iter().enumerate() {
-            for (k, &offset) in offsets.iter().enumerate() {
-                let (x, weights, shares) = (ends(quantity, offset), &weights[of(k)], &work.shares[of(k)]);
-                kernels::flows(&mut work.flows[places(k, rows)], x, weights, shares, law);
+            for piece in pieces() {
+                for (k, &offset) in offsets.iter().enumerate() {
+                    let x = part(ends(quantity, offset), &piece);
+                    let (weights, shares) = (&weights[along(k, &piece)], &work.shares[of(k)][piece.clone()]);
+                    let flows = &mut work.flows[places(k, rows)][piece.clone()];
+                    kernels::flows(flows, x, weights, shares, law);
+                }
+                ahead.ask(quantity, &piece, &*self.state, (self.live, self.peers));
             }
             diagonals::give(&work.flows, offsets, rows, &mut sums[quantity][own.start..]);
-            ahead.ask(quantity, &*self.state, (self.live, self.peers));
         }
-        for (k, &offset) in offsets.iter().enumerate() {
-            let stores = Stores {
-                soc: ends(at::SOC, offset),
-                capacity: ends(at::CAPACITY, offset),
-                crowd: ends(at::CROWD, offset),
-                limit: ends(at::LIMIT, offset),
-            };
-            let (flows, wanted) = (&mut work.flows[places(k, rows)], &mut work.wanted[places(k, rows)]);
-            kernels::exchange(flows, wanted, stores, &weights[of(k)], &self.exchange);
+        for piece in pieces() {
+            for (k, &offset) in offsets.iter().enumerate() {
+                let of_piece = |quantity: usize| part(ends(quantity, offset), &piece);
+                let stores = Stores {
+                    soc: of_piece(at::SOC),
+                    capacity: of_piece(at::CAPACITY),
+                    crowd: of_piece(at::CROWD),
+                    limit: of_piece(at::LIMIT),
+                };
+                let flows = &mut work.flows[places(k, rows)][piece.clone()];
+                let wanted = &mut work.wanted[places(k, rows)][piece.clone()];
+                kernels::exchange(flows, wanted, stores, &weights[along(k, &piece)], &self.exchange);
+            }
+            ahead.ask_edges(block, &piece, weights, &self.state.flows);
         }
         diagonals::raise(&work.wanted, offsets, rows, &mut sums[at::WANTED][own.start..]);
         let last = &mut self.state.flows[block.edges.clone()];
@@ -352,6 +364,12 @@ impl Sweep<'_> {
             }
         }
     }
+}
+
+/// The same of some rows.
+#[inline(always)]
+fn part<'a>((lower, higher): Ends<'a>, rows: &Range<usize>) -> Ends<'a> {
+    (&lower[rows.clone()], &higher[rows.clone()])
 }
 
 /// Lets the exchange fade in from what it was, and remembers it, positive from the lower end, where it `moves`.
