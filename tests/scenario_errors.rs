@@ -202,7 +202,10 @@ fn files_that_a_base_names_are_those_beside_it() {
     let folder = tempfile::tempdir().unwrap();
     let base = folder.path().join("base");
     std::fs::create_dir(&base).unwrap();
-    let text = r#"{"extends": "case1", "name": "a", "grid": {"fmu": "G.fmu"}, "control": {"fmu": "C.fmu"}}"#;
+    let text = r#"{"extends": "case1", "name": "a", "grid": {"fmu": "G.fmu"}, "control": {"fmu": "C.fmu"}, "compare": [
+        {"label": "a key", "set": {"grid.fmu": "H.fmu", "control.eta": 0.3}},
+        {"label": "a part", "set": {"control": {"fmu": "D.fmu"}}}
+    ]}"#;
     std::fs::write(base.join("a.json"), text).unwrap();
     // A built-in name is the built-in scenario, whatever lies beside.
     std::fs::write(base.join("case1"), "{}").unwrap();
@@ -211,6 +214,10 @@ fn files_that_a_base_names_are_those_beside_it() {
     let resolved = Resolved::load(&own.to_string_lossy(), &Map::new()).unwrap();
     assert_eq!(resolved.grid_fmu(), Some(base.join("G.fmu")));
     assert_eq!(resolved.controller_fmu(), Some(folder.path().join("Own.fmu")));
+    let [key, part] = &resolved.scenario.compare[..] else { panic!("{:?}", resolved.scenario.compare) };
+    let expected = json!({"grid.fmu": base.join("H.fmu"), "control.eta": 0.3});
+    assert_eq!(json!(key.set), expected);
+    assert_eq!(json!(part.set), json!({"control": {"fmu": base.join("D.fmu")}}));
 }
 
 #[test]

@@ -62,17 +62,33 @@ fn identity(source: &Source) -> String {
     path.canonicalize().map_or_else(|_| source.origin.clone(), |path| path.display().to_string())
 }
 
-/// A relative case file or FMU goes on meaning the file beside the base.
+/// The keys that name files.
+const FILES: [(&str, &str); 3] = [("grid", "case"), ("grid", "fmu"), ("control", "fmu")];
+
+/// A relative case file or FMU goes on meaning the file beside the base, in its variants too.
 fn anchor_files(document: &mut Value, folder: &Path) {
-    for (part, key) in [("grid", "case"), ("grid", "fmu"), ("control", "fmu")] {
-        let Some(Value::String(name)) = document.get_mut(part).and_then(|part| part.get_mut(key)) else {
-            continue;
-        };
-        // A case may also be one that the program knows.
-        if key == "fmu" || name.ends_with(".json") || name.ends_with(".m") {
-            let file: PathBuf = folder.join(&*name);
-            *name = std::path::absolute(&file).unwrap_or(file).to_string_lossy().into_owned();
+    for (part, key) in FILES {
+        if let Some(file) = document.get_mut(part).and_then(|part| part.get_mut(key)) {
+            anchor(file, key, folder);
         }
+    }
+    let variants = document.get_mut("compare").and_then(Value::as_array_mut);
+    for set in variants.into_iter().flatten().filter_map(|variant| variant.get_mut("set")) {
+        anchor_files(set, folder);
+        for (part, key) in FILES {
+            if let Some(file) = set.get_mut(format!("{part}.{key}")) {
+                anchor(file, key, folder);
+            }
+        }
+    }
+}
+
+fn anchor(file: &mut Value, key: &str, folder: &Path) {
+    let Value::String(name) = file else { return };
+    // A case may also be one that the program knows.
+    if key == "fmu" || name.ends_with(".json") || name.ends_with(".m") {
+        let file: PathBuf = folder.join(&*name);
+        *name = std::path::absolute(&file).unwrap_or(file).to_string_lossy().into_owned();
     }
 }
 
