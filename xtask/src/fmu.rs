@@ -29,9 +29,7 @@ const PACKED: [(&str, &str, &str); 4] = [
 
 /// Builds for this platform, and packs both FMUs for the scenario `case1`.
 pub fn build_and_pack(workspace: &Workspace) -> Result<(), Failure> {
-    let Some(platform) = Platform::here() else {
-        return Err(Failure::Other(format!("no FMI 2.0 platform name for {}", std::env::consts::OS)));
-    };
+    let platform = Platform::must_be_here()?;
     let built = [build_here(workspace, platform)?];
     pack(workspace, &built)?;
     if let Some(glibc) = platforms::needs(&built[0])? {

@@ -3,6 +3,8 @@
 
 use crate::{
     error::Failure,
+    fmu,
+    platforms::Platform,
     process::{cargo, command, on_path, run, succeeds},
     workspace::Workspace,
 };
@@ -80,13 +82,12 @@ pub fn miri(workspace: &Workspace) -> Result<(), Failure> {
     miri(&["--no-default-features", "--features", "controller", "--test", "fmi_c_layer"])
 }
 
-/// The long runs through the shared libraries of the release.
+/// The long runs through the shared libraries that go into the FMUs.
 pub fn soak(workspace: &Workspace, (steps, lives): (u64, u64)) -> Result<(), Failure> {
-    for package in ["bess-controller-fmu", "bess-grid-fmu"] {
-        run(cargo(workspace).args(["build", "--release", "--package", package]))?;
-    }
-    let mut soak = cargo(workspace);
-    soak.args(["run", "--release", "--package", "bess-fuzz", "--bin", "bess-fuzz", "--", "soak"]);
-    soak.args(["--steps", &steps.to_string(), "--lives", &lives.to_string(), "--libraries"]);
-    run(soak.arg(workspace.release()))
+    fmu::build_here(workspace, Platform::must_be_here()?)?;
+    // Of the whole workspace, as for the tests: what was compiled for those is not compiled again.
+    run(cargo(workspace).args(["build", "--locked", "--release", "--workspace", "--bin", "bess-fuzz"]))?;
+    let mut soak = command(workspace, workspace.release().join("bess-fuzz"));
+    soak.args(["soak", "--steps", &steps.to_string(), "--lives", &lives.to_string(), "--libraries"]);
+    run(soak.arg(workspace.plain_libraries()))
 }

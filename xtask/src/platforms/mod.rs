@@ -54,6 +54,12 @@ impl Platform {
         }
     }
 
+    /// The same, for what cannot go on without.
+    pub fn must_be_here() -> Result<Platform, Failure> {
+        Platform::here()
+            .ok_or_else(|| Failure::Other(format!("no FMI 2.0 platform name for {}", std::env::consts::OS)))
+    }
+
     /// The folder under `binaries/` of an FMU.
     pub fn name(self) -> &'static str {
         match self {

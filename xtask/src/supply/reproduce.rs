@@ -62,8 +62,7 @@ fn entries(folder: &Path) -> Result<BTreeSet<PathBuf>, Failure> {
 /// Builds the libraries of these packages again, in another folder with another target folder and another cargo
 /// home, and compares them with those built here.
 pub fn reproduce(workspace: &Workspace, only: Option<&str>) -> Result<(), Failure> {
-    let platform = Platform::here()
-        .ok_or_else(|| Failure::Other(format!("no FMI 2.0 platform name for {}", std::env::consts::OS)))?;
+    let platform = Platform::must_be_here()?;
     let models: Vec<_> =
         MODELS.into_iter().filter(|(_, model)| only.is_none_or(|only| only == *model)).collect();
     for (package, _) in &models {
