@@ -34,7 +34,8 @@ impl Ahead {
     pub fn ask_edges(&self, block: &Block, rows: &Range<usize>, weights: &[f64], flows: &[f64]) {
         if !self.finish.is_empty() {
             let edges = block.edges.len();
-            let diagonals = edges / block.rows.max(1);
+            // Where diagonals have gaps not all rows have as many: too many are asked for rather than too few.
+            let diagonals = edges.div_ceil(block.rows.max(1));
             let (from, to) = (rows.start * diagonals, rows.end * diagonals);
             let places = block.weights + edges;
             ask(weights, places + from..places + to);

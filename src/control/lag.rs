@@ -95,7 +95,7 @@ pub fn no_load(level: f64, droop: f64, power: f64) -> f64 {
     level + droop * power
 }
 
-/// Adds to the levels of some agents what they do not show yet; `shown` is the sigma that they do show.
+/// Adds to the levels of some agents what they do not show yet, pu; `shown` is the sigma that they do show.
 #[inline(always)]
 pub(super) fn reveal(level: &mut [f64], shown: &[f64], (set, droop, power_set): (&[f64], &[f64], &[f64])) {
     let n = level.len();
@@ -156,7 +156,7 @@ impl Lag {
         if self.adds_unseen() { sigma - self.past[self.steps - 1][i] } else { 0.0 }
     }
 
-    /// The sigma of all agents that the measurements show, where [`Self::adds_unseen`].
+    /// The sigma of all agents that the measurements show, pu, where [`Self::adds_unseen`].
     pub(super) fn shown(&self) -> Option<&[f64]> {
         self.steps.checked_sub(1).and_then(|k| self.past.get(k)).map(Vec::as_slice)
     }
